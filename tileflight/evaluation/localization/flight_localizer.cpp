@@ -18,13 +18,13 @@ using geometry::Sim3;
 
 namespace {
 
-/// An image that was found in the place, with the rendering by which it was.
+/// Holds where an image was found in the place, and the rendering that it was aligned with.
 struct Found {
   LocalizationResult result;
   std::shared_ptr<const RenderedView> view;
 };
 
-/// Share of the correlation of other images that an image must reach.
+/// States which share of the other images' correlation an image must reach.
 constexpr double kAlike = 0.7;
 
 /// Locates the images one by one, each from where a neighbour was found.
@@ -43,7 +43,8 @@ class ImageSearch {
     const std::size_t sections = (found_.size() + options_.section - 1) / options_.section;
     tbb::parallel_for(std::size_t{0}, sections, [this](std::size_t k) { search_section(k); });
     drop_poor_matches();
-    // What a section did not find may lie where the path has drifted or broke: again from the images beside it.
+    // The path may have drifted or broken where a section found nothing: its images are searched again from their
+    // neighbours.
     for (std::size_t i = 1; i < found_.size(); ++i) search_from_neighbor(i, i - 1);
     for (std::size_t i = found_.size(); i-- > 1;) search_from_neighbor(i - 1, i);
     drop_poor_matches();
@@ -52,7 +53,7 @@ class ImageSearch {
   const std::vector<std::optional<Found>>& found() const { return found_; }
   std::size_t renderings() const { return renderings_; }
 
-  /// The image's pose, carried by the odometry from where another image was found; nullopt where it lost one of them.
+  /// Returns the image's pose, carried by the odometry from where another image was found; nullopt where it lost one.
   std::optional<SE3> carried_pose(std::size_t image, std::size_t from) const {
     const auto &to_map = flight_.images[image].T_map_camera, &from_map = flight_.images[from].T_map_camera;
     if (!to_map || !from_map) return std::nullopt;
@@ -83,7 +84,9 @@ class ImageSearch {
     const SE3 guess = carried_pose(image, neighbor).value_or(from.result.T_local_camera);
     const double motion = localizer_.image_motion(*from.view, from.view->T_local_camera, guess);
     if (!(motion < options_.view_motion)) return search_anew(image, guess);
-    const auto result = localizer_.align(flight_.read(image), *from.view, guess);
+    const std::optional<imaging::RgbImage> picture = flight_.read(image);
+    if (!picture) return std::nullopt;
+    const auto result = localizer_.align(*picture, *from.view, guess);
     if (result && result->correlation > kAlike * from.result.correlation) return Found{*result, from.view};
     return search_anew(image, guess);
   }
@@ -91,13 +94,14 @@ class ImageSearch {
   /// Renders the place for this image. A guess too poor for the narrow window is refined with the wide one; where the
   /// place shows too few details for the narrow one, the wide one's pose stays.
   std::optional<Found> search_anew(std::size_t image, const SE3& guess) {
-    const imaging::RgbImage picture = flight_.read(image);
+    const std::optional<imaging::RgbImage> picture = flight_.read(image);
+    if (!picture) return std::nullopt;
     const LocalizerOptions& windows = localizer_.options();
-    auto found = align_with_new_view(picture, guess, windows.narrow_window);
+    auto found = align_with_new_view(*picture, guess, windows.narrow_window);
     if (found && found->result.correlation > kAlike) return found;
-    auto wide = align_with_new_view(picture, guess, windows.wide_window);
+    auto wide = align_with_new_view(*picture, guess, windows.wide_window);
     if (!wide) return found;
-    auto narrow = align_with_new_view(picture, wide->result.T_local_camera, windows.narrow_window);
+    auto narrow = align_with_new_view(*picture, wide->result.T_local_camera, windows.narrow_window);
     if (!narrow || (found && found->result.correlation > narrow->result.correlation)) narrow = std::move(found);
     return narrow ? narrow : wide;
   }
@@ -146,7 +150,7 @@ class ImageSearch {
   std::int64_t done_ = 0;
 };
 
-/// Motion of the image from each found image to the next found one, as a share of the width; summed along the flight.
+/// Sums the motion of the image from each found image to the next one along the flight, as a share of the width.
 std::vector<double> summed_motion(const PictureLocalizer& localizer, const std::vector<std::optional<Found>>& found) {
   std::vector<double> motion(found.size(), 0.0);
   const Found* last = nullptr;
@@ -160,7 +164,7 @@ std::vector<double> summed_motion(const PictureLocalizer& localizer, const std::
   return motion;
 }
 
-/// Number of found images that share the error of each, those that overlap less counting less.
+/// Returns how many found images share the error of each; those that overlap less count less.
 std::vector<double> shared_by(const std::vector<std::optional<Found>>& found, const std::vector<double>& motion,
                               double reach) {
   std::vector<double> counts(found.size(), 1.0);
@@ -187,8 +191,8 @@ std::vector<std::optional<PathStep>> path_steps(const FlightImages& flight) {
   return steps;
 }
 
-/// A pose of every image to begin the fusion with: the one that was found, or the one carried from the nearest before
-/// it (before the first one found: after it).
+/// Returns a pose of every image to begin the fusion with: the one that was found, or the one carried from the nearest
+/// found image before it (for images before the first one: after it).
 std::vector<SE3> first_poses(const ImageSearch& search) {
   const auto& found = search.found();
   const auto first = static_cast<std::size_t>(std::ranges::find_if(found, [](const auto& f) { return f.has_value(); }) -
@@ -246,7 +250,10 @@ LocatedFlight locate_flight(const PictureLocalizer& localizer, const FlightImage
   search.run();
   const auto& found = search.found();
   if (std::ranges::none_of(found, [](const auto& f) { return f.has_value(); }))
-    throw InputError("images", "none was found in the place near where the flight was registered");
+    throw InputError(
+        "images",
+        "none was found in the place near where the flight was registered: check that the tiles are of this "
+        "place, and that calibration and odometry are of these images");
 
   const std::vector<double> shares = shared_by(found, summed_motion(localizer, found), options.shared_motion);
   std::vector<std::optional<PoseMeasurement>> measurements(found.size());

@@ -13,18 +13,19 @@
 
 namespace tileflight::localization {
 
-/// An image of a flight with what the odometry knows of it.
+/// Holds what the odometry knows of an image of a flight.
 struct FlightImage {
   std::optional<geometry::SE3> T_map_camera;  ///< nullopt: the odometry lost it
   double sigma_position = 0.0;                ///< relative to the images before it, for each axis, units of the map
-  double sigma_rotation_rad = 0.0;            ///< the same of the rotation
+  double sigma_rotation_rad = 0.0;            ///< of the rotation, in the same way
 };
 
-/// Images of a flight, in order of time.
+/// Holds the images of a flight, in order of time.
 struct FlightImages {
   std::vector<FlightImage> images;
-  std::function<imaging::RgbImage(std::size_t index)> read;  ///< called from several threads
-  bool has_scale = false;                                    ///< the map is in metres
+  /// Reads an image; nullopt if it cannot be decoded. Called from several threads.
+  std::function<std::optional<imaging::RgbImage>(std::size_t index)> read;
+  bool has_scale = false;  ///< the map is in metres
 };
 
 struct FlightLocalizerOptions {
@@ -35,14 +36,14 @@ struct FlightLocalizerOptions {
   double lost_sigma_m = 2.0;   ///< position sigma for each axis beyond which an image is lost
 };
 
-/// How an image's pose was found.
+/// Tells how an image's pose was found.
 enum class PoseSource {
   kPlace,     ///< located in the place
   kOdometry,  ///< carried by the odometry between located images
   kLost       ///< by neither, or too uncertain
 };
 
-/// An image of the flight with its pose in the place.
+/// Holds an image's pose in the place, and how well it was found.
 struct LocatedImage {
   PoseSource source = PoseSource::kLost;
   FusedPose pose;

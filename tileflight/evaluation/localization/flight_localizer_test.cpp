@@ -99,6 +99,14 @@ TEST(FlightLocalizer, AnOdometryThatGoesWrongIsNotBelieved) {
   for (std::size_t i = 0; i < located.images.size(); ++i) EXPECT_LT(flight.error_m(located, i), 0.1) << i;
 }
 
+TEST(FlightLocalizer, AnImageThatCannotBeDecodedIsCarried) {
+  DriftingFlight flight;
+  flight.images.read = [&](std::size_t i) { return i == 5 ? std::nullopt : std::optional(flight.flight.rendered[i]); };
+  const LocatedFlight located = flight.locate(flight.place);
+  EXPECT_EQ(located.images[5].source, PoseSource::kOdometry);
+  EXPECT_LT(flight.error_m(located, 5), 0.1);
+}
+
 TEST(FlightLocalizer, AnotherPlaceIsRefused) {
   const DriftingFlight flight;
   EXPECT_THROW(flight.locate(test_places::Hills(11)), InputError);

@@ -2,8 +2,10 @@
 
 #include <algorithm>
 #include <cmath>
+#include <iterator>
 #include <nlohmann/json.hpp>
 #include <string>
+#include <utility>
 
 #include "tileflight/capture/ingest/telemetry_positions.h"
 #include "tileflight/core/base/formatted_text.h"
@@ -11,6 +13,7 @@
 #include "tileflight/core/geometry/cloud_files.h"
 #include "tileflight/core/geometry/trajectory.h"
 #include "tileflight/data/dataset/dataset.h"
+#include "tileflight/tiles/mesh_files/mesh_source.h"
 #include "tileflight/world/ground_truth/surface_samples.h"
 #include "tileflight/world/ground_truth/truth_folder.h"
 #include "tileflight/world/place/extract.h"
@@ -164,6 +167,20 @@ std::vector<alignment::PositionFix> read_true_positions(const fs::path& trajecto
     fixes.push_back({pose.time_s, pose.T_local_camera.translation, 0.0, 0.0});
   }
   return fixes;
+}
+
+TexturedPlace read_textured_place(const std::vector<std::filesystem::path>& mesh_files, bool with_textures) {
+  std::vector<imaging::TexturedMesh> meshes;
+  const mesh_files::MeshSourceOptions options{.textures = with_textures, .defer_textures = true};
+  for (const std::filesystem::path& file : mesh_files) {
+    auto part = mesh_files::read_mesh_source(file, options).meshes;
+    std::move(part.begin(), part.end(), std::back_inserter(meshes));
+  }
+  TexturedPlace place;
+  place.textured = std::ranges::any_of(meshes, [](const auto& mesh) { return mesh.texture || !mesh.colors.empty(); });
+  place.scene = std::make_unique<scene::Scene>(std::move(meshes));
+  place.scene->build_ray_tree();
+  return place;
 }
 
 }  // namespace tileflight::scoring

@@ -3,6 +3,7 @@
 #include <cstddef>
 #include <filesystem>
 #include <functional>
+#include <memory>
 #include <optional>
 #include <vector>
 
@@ -10,6 +11,7 @@
 #include "tileflight/core/base/progress.h"
 #include "tileflight/core/geometry/geodesy.h"
 #include "tileflight/evaluation/scoring/map_inputs.h"
+#include "tileflight/world/scene/scene.h"
 
 namespace tileflight::scoring {
 
@@ -55,5 +57,15 @@ std::vector<alignment::PositionFix> read_receiver_positions(const std::filesyste
 
 /// Reads the positions of true poses, which count as error-free receiver positions. Throws InputError.
 std::vector<alignment::PositionFix> read_true_positions(const std::filesystem::path& trajectory);
+
+/// A ground truth's surface, ready for ray casting and for renderings.
+struct TexturedPlace {
+  std::unique_ptr<scene::Scene> scene;
+  bool textured = false;  ///< a mesh has colours to compare images with
+};
+
+/// Reads the mesh files of a ground truth (AlignTarget::mesh_files). A texture is decoded when a ray of an image first
+/// meets it; without `with_textures` none is read. Throws InputError.
+TexturedPlace read_textured_place(const std::vector<std::filesystem::path>& mesh_files, bool with_textures);
 
 }  // namespace tileflight::scoring

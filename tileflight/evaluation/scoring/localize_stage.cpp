@@ -20,7 +20,6 @@
 #include "tileflight/evaluation/scoring/align_stage.h"
 #include "tileflight/evaluation/scoring/align_target.h"
 #include "tileflight/evaluation/scoring/map_inputs.h"
-#include "tileflight/evaluation/scoring/textured_place.h"
 #include "tileflight/evaluation/scoring/warnings.h"
 #include "tileflight/slam/odometry/track_result.h"
 #include "tileflight/world/place/extract.h"
@@ -40,7 +39,7 @@ constexpr double kDegreesOfRadian = 180.0 / std::numbers::pi;
 
 // ------------------------------------------------------------------------------------------------------------- inputs
 
-/// The surroundings of the receiver's positions as region, if none is given and the positions are known.
+/// Chooses the surroundings of the receiver's positions as region, if none is given and the positions are known.
 tileset::LoadOptions around_flight(tileset::LoadOptions load, const dataset::Dataset& dataset) {
   if (load.center || load.center_local || load.size || !load.areas.empty() || dataset.gps.empty()) return load;
   constexpr double kMargin_m = 200.0;  // a camera 60 m up that looks 70 degrees from the vertical sees that far
@@ -63,7 +62,7 @@ fs::path ground_truth_of(const LocalizeSettings& settings, const dataset::Datase
   return folder / "place";
 }
 
-/// The dataset's images with the odometry's poses and their sigmas.
+/// Returns the dataset's images with the odometry's poses and their sigmas.
 localization::FlightImages flight_images(const dataset::Dataset& dataset, const MapInputs& map) {
   localization::FlightImages flight;
   flight.images.resize(dataset.frames.size());
@@ -76,7 +75,7 @@ localization::FlightImages flight_images(const dataset::Dataset& dataset, const 
     flight.images[frame].T_map_camera = path.poses[pose].T_local_camera;
     pose_of[frame] = pose;
   }
-  // What another system does not state: a hundredth of the step, and a twentieth of a degree.
+  // Other systems state no sigmas: a hundredth of the step and a twentieth of a degree are assumed.
   constexpr double kShareOfStep = 0.01, kRotation_rad = 0.05 / kDegreesOfRadian;
   for (std::size_t i = 1; i < flight.images.size(); ++i) {
     if (!pose_of[i] || *pose_of[i] == 0) continue;
@@ -95,7 +94,13 @@ localization::FlightImages flight_images(const dataset::Dataset& dataset, const 
       flight.images[i].sigma_rotation_rad = per_axis * quality.sigma_rotation_rad;
     }
   }
-  flight.read = [&dataset](std::size_t index) { return imaging::read_rgb(dataset.frames[index].image); };
+  flight.read = [&dataset](std::size_t index) -> std::optional<imaging::RgbImage> {
+    try {
+      return imaging::read_rgb(dataset.frames[index].image);
+    } catch (const InputError&) {  // the odometry counts it as skipped
+      return std::nullopt;
+    }
+  };
   const json about = fs::exists(map.map / "odometry.json")
                          ? json::parse(base::read_text(map.map / "odometry.json"), nullptr, false)
                          : json();
@@ -105,7 +110,7 @@ localization::FlightImages flight_images(const dataset::Dataset& dataset, const 
 
 // ------------------------------------------------------------------------------------------------------------ results
 
-/// The trajectory of all images with a known pose.
+/// Returns the trajectory of all images with a known pose.
 geometry::Trajectory located_path(const LocalizeResult& result) {
   geometry::Trajectory path;
   for (std::size_t i = 0; i < result.times_s.size(); ++i) {
@@ -115,7 +120,7 @@ geometry::Trajectory located_path(const LocalizeResult& result) {
   return path;
 }
 
-/// Sigmas of the camera's position along the local axes.
+/// Returns the sigmas of the camera's position along the local axes.
 Vec3 position_sigmas(const localization::FusedPose& pose) {
   const geometry::Mat3 R = pose.T_local_camera.rotation.toRotationMatrix();
   return (R * pose.covariance.topLeftCorner<3, 3>() * R.transpose()).diagonal().cwiseMax(0.0).cwiseSqrt();
@@ -256,7 +261,7 @@ Warnings flight_warnings(const LocalizeResult& result) {
   return warnings;
 }
 
-/// Where the flight is before its images are located.
+/// States where the flight is before its images are located.
 struct FlightStart {
   geometry::Sim3 T_local_map;
   Warnings warnings;          ///< of odometry and registration
@@ -278,7 +283,8 @@ FlightStart register_flight_start(const LocalizeSettings& settings, const MapInp
   return start;
 }
 
-/// The warnings of the odometry and of its registration; notes where the images, each located on its own, confirm both.
+/// Returns the warnings of the odometry and of its registration. They become notes where the images, each located on
+/// its own, confirm both.
 Warnings start_warnings(const LocalizeResult& result, const FlightStart& start) {
   constexpr double kMost = 0.8, kFew = 0.1;
   const auto images = static_cast<double>(result.times_s.size());

@@ -35,7 +35,7 @@ struct LostPart {
   std::size_t images = 0;
 };
 
-/// How the receiver's positions differ from the located path.
+/// States how the receiver's positions differ from the located path.
 struct ReceiverComparison {
   std::size_t positions = 0;
   double rms_m = 0.0;                              ///< of the distances

@@ -24,7 +24,6 @@
 #include "tileflight/evaluation/localization/picture_localizer.h"
 #include "tileflight/evaluation/registration/register_map.h"
 #include "tileflight/evaluation/scoring/flight_evidence.h"
-#include "tileflight/evaluation/scoring/textured_place.h"
 #include "tileflight/evaluation/scoring/warnings.h"
 #include "tileflight/world/scene/scene.h"
 
@@ -133,7 +132,7 @@ class PictureFinder {
       const double step = k > 0 ? (pose.translation - path_pose(chosen[k - 1]).translation).norm() : 0.0;
       flight.images.push_back({pose, kShareOfStep * step, kRotation_rad});
     }
-    flight.read = [&](std::size_t k) { return image(chosen[k]); };
+    flight.read = [&](std::size_t k) { return std::optional(image(chosen[k])); };
     registration::LocatedPictures result{.tried = std::min(pictures, chosen.size())};
     localization::LocatedFlight located;
     try {
