@@ -166,6 +166,7 @@ std::string Outcome::verdict() const {
 json to_json(const Outcome& o) {
   json object = {{"name", o.name},
                  {"place", o.place},
+                 {"change", o.change},
                  {"seed", o.draw.seed},
                  {"kind", name_of(o.draw.kind)},
                  {"view", name_of(o.draw.view)},
@@ -199,6 +200,7 @@ Outcome outcome_from_json(const json& object) {
   Outcome o;
   o.name = object.at("name");
   o.place = object.at("place");
+  o.change = object.value("change", "nothing");
   o.draw = draw_flight(object.at("seed"));
   o.stage = object.at("stage");
   o.error = object.at("error");
@@ -224,6 +226,7 @@ std::string summary(const std::vector<Outcome>& outcomes) {
   text += line("**all**", all);
   text += lines_by(outcomes, [](const Outcome& o) { return name_of(o.draw.kind); });
   text += lines_by(outcomes, [](const Outcome& o) { return "over " + o.place; });
+  text += lines_by(outcomes, [](const Outcome& o) { return "changed: " + o.change; });
   text += lines_by(outcomes, [](const Outcome& o) { return std::to_string(o.draw.lens_deg) + "° lens"; });
   text += lines_by(outcomes, [](const Outcome& o) { return "view: " + name_of(o.draw.view); });
   text += lines_by(outcomes, [](const Outcome& o) { return "known: " + name_of(o.draw.aids); });

@@ -30,6 +30,7 @@ TrueErrors true_errors(const geometry::PointCloud& map, const geometry::Trajecto
 
 struct Outcome {
   std::string name, place;
+  std::string change;  ///< of the filmed place against the one that is registered against
   FlightDraw draw;
   std::string stage;  ///< the last one that was done: "odometry", "align" or "evaluate"
   std::string error;  ///< what the next one said

@@ -43,6 +43,7 @@ struct Place {
   std::string name, source;
   std::string
       filmed;  ///< tileset that the camera sees, such as the same place with other textures; the truth is `source`
+  std::string change;  ///< of `filmed` against `source`, for the table's groups
   std::optional<geometry::Geodetic> origin;
   std::optional<geometry::Vec3> center_local, size;
 };
@@ -66,6 +67,7 @@ std::vector<Place> read_places(const fs::path& file, const fs::path& out) {
     place.name = section.text("name").value_or("");
     place.source = section.text("source").value_or("");
     place.filmed = section.text("filmed").value_or("");
+    place.change = section.text("change").value_or(place.filmed.empty() ? "nothing" : "filmed place");
     if (const auto v = section.numbers("origin", 3, 3))
       place.origin = geometry::Geodetic{(*v)[0], (*v)[1], geometry::EllipsoidalHeight{(*v)[2]}};
     if (const auto v = section.numbers("center_local", 3, 3))
@@ -187,7 +189,7 @@ geometry::Sim3 matrix_of(const json& transform) {
 
 /// One flight all the way. What a stage refuses ends it, and is kept.
 Outcome fly(const Field& field, const FlightDraw& draw, const std::string& name, const fs::path& folder) {
-  Outcome outcome{.name = name, .place = field.place.name, .draw = draw};
+  Outcome outcome{.name = name, .place = field.place.name, .change = field.place.change, .draw = draw};
   const auto begin = std::chrono::steady_clock::now();
   try {
     if (!fs::exists(folder / "dataset")) render(field, draw, folder);

@@ -277,6 +277,7 @@ LocatedFlight locate_flight(const PictureLocalizer& localizer, const FlightImage
     if (found[i]) {
       image.correlation = found[i]->result.correlation;
       image.share_in_view = found[i]->result.share_in_view;
+      image.parts = found[i]->result.parts;
     }
     const bool is_known = largest_position_sigma(image.pose) < options.lost_sigma_m;
     if (is_known) image.source = found[i] && !image.contradicts ? PoseSource::kPlace : PoseSource::kOdometry;

@@ -49,6 +49,7 @@ struct LocatedImage {
   FusedPose pose;
   double correlation = 0.0;  ///< of rendered and observed grey values; 0: not located
   double share_in_view = 0.0;
+  std::vector<registration::PosePart> parts;  ///< LocalizationResult::parts
   bool contradicts = false;  ///< it was located where the other images and the odometry do not allow it
 };
 

@@ -76,18 +76,15 @@ struct PictureLocalizer::Impl {
   imaging::Camera camera;  ///< of the downscaled images
   int full_width = 0, full_height = 0;
   LocalizerOptions options;
-  render::CameraRenderer renderer;
+  std::optional<render::CameraRenderer> renderer;
   keyframes::LensPyramid lens;
   keyframes::SelectionOptions selection;
   keyframes::TrackingOptions tracking = tracking_options();
 
   Impl(const scene::Scene& scene, std::shared_ptr<const render::Appearance> appearance, const imaging::Camera& full,
        const LocalizerOptions& o)
-      : camera(shrink_camera(full, o.width)),
-        full_width(full.width()),
-        full_height(full.height()),
-        options(o),
-        renderer(scene, std::move(appearance), camera, {}) {
+      : camera(shrink_camera(full, o.width)), full_width(full.width()), full_height(full.height()), options(o) {
+    renderer.emplace(scene, std::move(appearance), camera, render::RenderOptions{});
     keyframes::OdometryOptions pyramid;
     pyramid.min_level_area_px = 500;  // coarser levels than for video, since the guess is farther off than the previous
                                       // image would be
@@ -161,7 +158,11 @@ PictureLocalizer::PictureLocalizer(const scene::Scene& scene, std::shared_ptr<co
 
 PictureLocalizer::~PictureLocalizer() = default;
 
-std::shared_ptr<const render::Appearance> PictureLocalizer::appearance() const { return impl_->renderer.appearance(); }
+void PictureLocalizer::use(const scene::Scene& scene, std::shared_ptr<const render::Appearance> appearance) {
+  impl_->renderer.emplace(scene, std::move(appearance), impl_->camera, render::RenderOptions{});
+}
+
+std::shared_ptr<const render::Appearance> PictureLocalizer::appearance() const { return impl_->renderer->appearance(); }
 
 namespace {
 
@@ -176,17 +177,24 @@ Mat6 pose_information(const tracking::ImageAlignment& alignment) {
   return pose / variance;
 }
 
-/// Covariance of the pose by the sandwich of sums over clusters of pixels (Liang, Zeger, Biometrika 73, 1986):
-/// residuals are independent between the cells of a grid over the image, and of any correlation within one.
-Mat6 cluster_covariance(const keyframes::Lens& lens, const tracking::ReferenceLevel& reference,
-                        const keyframes::PyramidLevel& picture, const tracking::ImageAlignment& alignment,
-                        const keyframes::TrackingOptions& tracking) {
+/// Sums over the points that lie in one cell of a grid over the image.
+struct CellSum {
+  Eigen::Matrix<double, 8, 1> gradient = Eigen::Matrix<double, 8, 1>::Zero();
+  geometry::Vec3 points = geometry::Vec3::Zero();  ///< in the image's camera frame
+  double count = 0.0;
+};
+
+/// Contributions of the parts of the image to the pose. Their squares sum up to the covariance by the sandwich of sums
+/// over clusters of pixels (Liang, Zeger, Biometrika 73, 1986): residuals are independent between the cells of a grid
+/// over the image, and of any correlation within one.
+std::vector<registration::PosePart> image_parts(const keyframes::Lens& lens, const tracking::ReferenceLevel& reference,
+                                                const keyframes::PyramidLevel& picture,
+                                                const tracking::ImageAlignment& alignment,
+                                                const keyframes::TrackingOptions& tracking, const SE3& T_local_view) {
   using Vec8 = Eigen::Matrix<double, 8, 1>;
   using Mat8 = Eigen::Matrix<double, 8, 8>;
   constexpr int kColumns = 6, kRows = 4, kFewest = 12;  // cells; at least four more than unknowns
-  std::array<Vec8, kColumns * kRows> sums;
-  sums.fill(Vec8::Zero());
-  std::array<bool, kColumns * kRows> used{};
+  std::array<CellSum, kColumns * kRows> sums;
   Mat8 normal = Mat8::Zero();
   const SE3& T = alignment.state.T_target_reference;
   const Eigen::Matrix3d R = T.rotation.toRotationMatrix();
@@ -210,12 +218,11 @@ Mat6 cluster_covariance(const keyframes::Lens& lens, const tracking::ReferenceLe
     const int column = std::min(kColumns - 1, static_cast<int>(kColumns * pixel.x() / picture.width));
     const int line = std::min(kRows - 1, static_cast<int>(kRows * pixel.y() / picture.height));
     const auto cell = static_cast<std::size_t>(line) * kColumns + static_cast<std::size_t>(column);
-    sums[cell] += weight * residual * row;
-    used[cell] = true;
+    sums[cell].gradient += weight * residual * row;
+    sums[cell].points += X / reference.rho[i];
+    sums[cell].count += 1.0;
   }
-  const auto cells = static_cast<double>(std::ranges::count(used, true));
-  Mat8 scatter = Mat8::Zero();
-  for (const Vec8& sum : sums) scatter += sum * sum.transpose();
+  const auto cells = static_cast<double>(std::ranges::count_if(sums, [](const CellSum& s) { return s.count > 0.0; }));
   const Vec8 scale = (normal.diagonal().array() + 1e-30).sqrt().inverse();
   Mat8 scaled = scale.asDiagonal() * normal * scale.asDiagonal();
   scaled.diagonal().array() += 1e-9;
@@ -223,7 +230,23 @@ Mat6 cluster_covariance(const keyframes::Lens& lens, const tracking::ReferenceLe
   constexpr double kUnknowns = 8.0;
   // Few cells fit their own errors; fewer than kFewest tell nothing, and the covariance becomes large.
   const double correction = cells >= kFewest ? cells / (cells - kUnknowns) : 100.0;
-  return (correction * inverse * scatter * inverse).topLeftCorner<6, 6>();
+  const SE3 T_local_camera = T_local_view * T.inverse();
+  std::vector<registration::PosePart> parts;
+  for (const CellSum& sum : sums) {
+    if (sum.count == 0.0) continue;
+    const geometry::Vec3 middle = sum.points / sum.count;
+    // The pose moves by minus the increment that the residuals ask for, which acts on the points in the camera's frame:
+    // the camera's own motion is its inverse.
+    parts.push_back({T_local_camera * middle, middle.norm() * picture.width / (kColumns * lens.focal_px()),
+                     std::sqrt(correction) * (inverse * sum.gradient).head<6>()});
+  }
+  return parts;
+}
+
+Mat6 covariance_by_parts(const std::vector<registration::PosePart>& parts) {
+  Mat6 covariance = Mat6::Zero();
+  for (const registration::PosePart& part : parts) covariance += part.motion * part.motion.transpose();
+  return covariance;
 }
 
 /// Covariance of what image and rendering differ in by their sampling alone, which parts of the image share.
@@ -241,7 +264,7 @@ Mat6 sampling_covariance(const keyframes::Lens& lens, const tracking::ReferenceL
 
 std::shared_ptr<const RenderedView> PictureLocalizer::Impl::render_view(const SE3& T_local_camera,
                                                                         double window) const {
-  const render::RenderedFrame predicted = renderer.render(T_local_camera);
+  const render::RenderedFrame predicted = renderer->render(T_local_camera);
   const keyframes::Pyramid expected = make_pyramid(make_luma(predicted.rgb), window);
   const std::vector<tracking::ReferencePoint> points = select_points(expected, predicted.depth_m);
   constexpr std::size_t kFewest = 50;
@@ -274,8 +297,8 @@ std::optional<LocalizationResult> PictureLocalizer::Impl::align(const keyframes:
                              .correlation = correlation(finest, seen.levels[0], T_picture_view),
                              .share_in_view = alignment.inside_share,
                              .rmse = alignment.finest_rmse()};
-  located.covariance = cluster_covariance(lens.lenses[0], finest, seen.levels[0], alignment, tracking) +
-                       sampling_covariance(lens.lenses[0], finest);
+  located.parts = image_parts(lens.lenses[0], finest, seen.levels[0], alignment, tracking, view.T_local_camera);
+  located.covariance = covariance_by_parts(located.parts) + sampling_covariance(lens.lenses[0], finest);
   return located;
 }
 

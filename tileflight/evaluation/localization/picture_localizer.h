@@ -9,9 +9,11 @@ class Appearance;  // appearance.h
 
 #include <memory>
 #include <optional>
+#include <vector>
 
 #include "tileflight/core/imaging/camera.h"
 #include "tileflight/core/imaging/image.h"
+#include "tileflight/evaluation/registration/located_poses.h"
 #include "tileflight/slam/tracking/tracking_reference.h"
 #include "tileflight/world/scene/scene.h"
 
@@ -44,7 +46,8 @@ struct LocalizationResult {
   /// Covariance of the same motion from how the parts of the image contradict each other: the errors of pixels are
   /// independent between the cells of a grid, not within one. It holds where textures have changed, too.
   Mat6 covariance = Mat6::Identity();
-  double correlation = 0.0;  ///< of rendered and observed grey values at the points
+  std::vector<registration::PosePart> parts;  ///< of those cells; their squares sum up to nearly the covariance
+  double correlation = 0.0;                   ///< of rendered and observed grey values at the points
   double share_in_view = 0.0;
   double rmse = 0.0;  ///< after contrast normalisation, grey values
 };
@@ -66,6 +69,10 @@ class PictureLocalizer {
   ~PictureLocalizer();
   PictureLocalizer(const PictureLocalizer&) = delete;
   PictureLocalizer& operator=(const PictureLocalizer&) = delete;
+
+  /// Looks at another scene from now on: other tiles of the same place. The scene must outlive the localizer, or the
+  /// next call.
+  void use(const scene::Scene& scene, std::shared_ptr<const render::Appearance> appearance);
 
   /// Locates an image from a guess whose error is below about a twentieth of the image: with the wide window, then with
   /// the narrow one. nullopt if the image does not match the renderings: wrong place, place not in view. The result's

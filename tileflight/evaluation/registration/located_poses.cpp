@@ -2,8 +2,10 @@
 
 #include <Eigen/LU>
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <limits>
+#include <map>
 
 #include "tileflight/core/alignment/umeyama.h"
 #include "tileflight/core/alignment/uncertainty.h"
@@ -27,44 +29,110 @@ Sim3 similarity_of(const std::vector<LocatedPose>& poses) {
 
 namespace {
 
-/// Similarities without each of `groups` intervals of the path.
-std::vector<Sim3> leave_out_intervals(const std::vector<LocatedPose>& poses, std::size_t groups) {
-  std::vector<Sim3> without;
+/// Motions about `center` from the similarity of all poses to that without each of `groups` intervals of the path.
+std::vector<geometry::Vec7> leave_out_intervals(const std::vector<LocatedPose>& poses, std::size_t groups,
+                                                const geometry::Vec3& center) {
+  const Sim3 whole = similarity_of(poses);
+  std::vector<geometry::Vec7> without;
   for (std::size_t group = 0; group < groups; ++group) {
     std::vector<LocatedPose> rest;
     for (std::size_t i = 0; i < poses.size(); ++i)
       if (i * groups / poses.size() != group) rest.push_back(poses[i]);
-    without.push_back(similarity_of(rest));
+    without.push_back(motion_between(whole, similarity_of(rest), center));
   }
   return without;
 }
 
-/// By the second differences of `without`, of which there are three or more.
-double contrast_sigma_m(const std::vector<Sim3>& without, const alignment::PointSpread& points) {
-  const auto squared_motion = [&](std::size_t a, std::size_t b) {
-    return std::pow(alignment::rms_motion_m(without[a], without[b], points), 2);
-  };
-  double squares = 0.0;  // |a - 2 b + c|^2 = 2 |a - b|^2 + 2 |b - c|^2 - |a - c|^2
-  for (std::size_t g = 2; g < without.size(); ++g)
-    squares += 2.0 * squared_motion(g - 2, g - 1) + 2.0 * squared_motion(g - 1, g) - squared_motion(g - 2, g);
+/// Delete-a-group jackknife.
+Mat7 jackknife_covariance(const std::vector<geometry::Vec7>& without) {
+  Mat7 squares = Mat7::Zero();
+  for (const geometry::Vec7& motion : without) squares += motion * motion.transpose();
   const auto n = static_cast<double>(without.size());
-  return (n - 1.0) * std::sqrt(std::max(0.0, squares) / (6.0 * n * (n - 2.0)));
+  return (n - 1.0) / n * squares;
+}
+
+/// By the second differences of `without`, of which there are three or more.
+Mat7 contrast_covariance(const std::vector<geometry::Vec7>& without) {
+  Mat7 squares = Mat7::Zero();
+  for (std::size_t g = 2; g < without.size(); ++g) {
+    const geometry::Vec7 contrast = without[g - 2] - 2.0 * without[g - 1] + without[g];
+    squares += contrast * contrast.transpose();
+  }
+  const auto n = static_cast<double>(without.size());
+  return (n - 1.0) * (n - 1.0) / (6.0 * n * (n - 2.0)) * squares;
+}
+
+geometry::Vec3 mean_position(const std::vector<LocatedPose>& poses) {
+  geometry::Vec3 mean = geometry::Vec3::Zero();
+  for (const LocatedPose& pose : poses) mean += pose.T_local_camera.translation / static_cast<double>(poses.size());
+  return mean;
+}
+
+using Block = std::array<long, 3>;
+
+/// Side of the blocks of ground: the median size of what a part shows. 0: no pose has parts.
+double block_side_m(const std::vector<LocatedPose>& poses) {
+  std::vector<double> sizes;
+  for (const LocatedPose& pose : poses)
+    for (const PosePart& part : pose.parts) sizes.push_back(part.size_m);
+  return sizes.empty() ? 0.0 : base::upper_median(std::move(sizes));
+}
+
+Block block_of(const geometry::Vec3& point, double side_m) {
+  return {std::lround(point.x() / side_m), std::lround(point.y() / side_m), std::lround(point.z() / side_m)};
 }
 
 }  // namespace
 
-double similarity_sigma_m(const std::vector<LocatedPose>& poses, const alignment::PointSpread& points,
-                          PathCoverage coverage) {
+std::optional<Mat7> interval_covariance(const std::vector<LocatedPose>& poses, const geometry::Vec3& center,
+                                        const alignment::PointSpread& points, PathCoverage coverage) {
   constexpr std::size_t kMostGroups = 8, kMostContrasts = 10, kFewestContrasts = 4;  // ten: of twenty poses two each
   constexpr double kShared = 2.0;  // errors that are shared for longer than an interval; from the proving ground
   const std::size_t groups = std::min(kMostGroups, poses.size() / 2);
-  if (groups < 2) return std::numeric_limits<double>::quiet_NaN();
-  const std::vector<Sim3> without = leave_out_intervals(poses, groups);
-  const double jackknife_m = alignment::jackknife_sigma_m(similarity_of(poses), groups, points,
-                                                          [&](std::size_t group) { return without[group]; });
+  if (groups < 2) return std::nullopt;
+  const Mat7 jackknife = jackknife_covariance(leave_out_intervals(poses, groups, center));
   const std::size_t contrasts = std::min(kMostContrasts, poses.size() / 2);
-  if (coverage == PathCoverage::kParts || contrasts < kFewestContrasts) return jackknife_m;
-  return std::min(jackknife_m, kShared * contrast_sigma_m(leave_out_intervals(poses, contrasts), points));
+  if (coverage == PathCoverage::kParts || contrasts < kFewestContrasts) return jackknife;
+  const Mat7 contrast = kShared * kShared * contrast_covariance(leave_out_intervals(poses, contrasts, center));
+  const Sim3 T = similarity_of(poses);
+  return motion_sigma_m(contrast, T, center, points) < motion_sigma_m(jackknife, T, center, points) ? contrast
+                                                                                                    : jackknife;
+}
+
+Mat7 ground_covariance(const std::vector<LocatedPose>& poses, const geometry::Vec3& center) {
+  const double side_m = block_side_m(poses);
+  if (!(side_m > 0.0)) return Mat7::Zero();
+  const auto n = static_cast<double>(poses.size());
+  const geometry::Vec3 mean = mean_position(poses);
+  double spread = 0.0;  // of the positions, which determines the scale
+  for (const LocatedPose& pose : poses) spread += (pose.T_local_camera.translation - mean).squaredNorm();
+  std::map<Block, geometry::Vec7> motions;  // of the similarity about `center`, by the parts that show a block
+  for (const LocatedPose& pose : poses) {
+    const geometry::Vec3 arm = pose.T_local_camera.translation - mean;
+    for (const PosePart& part : pose.parts) {
+      const geometry::Vec3 moved = pose.T_local_camera.rotation * part.motion.head<3>();
+      const geometry::Vec3 turned = pose.T_local_camera.rotation * part.motion.tail<3>() / n;
+      const double grown = spread > 0.0 ? arm.dot(moved) / spread : 0.0;
+      geometry::Vec7 motion;
+      motion << moved / n + turned.cross(center - mean) + grown * (center - mean), turned, grown;
+      motions.try_emplace(block_of(part.point_local, side_m), geometry::Vec7::Zero()).first->second += motion;
+    }
+  }
+  Mat7 covariance = Mat7::Zero();
+  for (const auto& [block, motion] : motions) covariance += motion * motion.transpose();
+  return covariance;
+}
+
+std::optional<SimilarityEstimate> estimate_similarity(const std::vector<LocatedPose>& poses,
+                                                      const alignment::PointSpread& points, PathCoverage coverage) {
+  const geometry::Vec3 center = mean_position(poses);
+  const auto by_intervals = interval_covariance(poses, center, points, coverage);
+  if (!by_intervals) return std::nullopt;
+  const Mat7 covariance = *by_intervals + ground_covariance(poses, center);
+  const geometry::Vec7 scale = (covariance.diagonal().array() + 1e-30).sqrt().inverse();
+  Mat7 scaled = scale.asDiagonal() * covariance * scale.asDiagonal();
+  scaled.diagonal().array() += 1e-9;
+  return SimilarityEstimate{similarity_of(poses), center, scale.asDiagonal() * scaled.inverse() * scale.asDiagonal()};
 }
 
 using geometry::Mat3;
@@ -122,10 +190,12 @@ Sim3 similarity_from_two_poses(const LocatedPose& a, const LocatedPose& b, doubl
 }
 
 Sim3 find_best_start(const std::vector<LocatedPose>& poses, const Sim3& start) {
+  constexpr std::size_t kMost = 20;  // poses of which each pair is tried, spread over the path
+  const std::size_t step = (poses.size() + kMost - 1) / kMost;
   Sim3 best = start;
   double least = median_cost(poses, start);
-  for (std::size_t i = 0; i < poses.size(); ++i) {
-    for (std::size_t j = 0; j < poses.size(); ++j) {
+  for (std::size_t i = 0; i < poses.size(); i += step) {
+    for (std::size_t j = 0; j < poses.size(); j += step) {
       if (i == j) continue;
       const Sim3 T = similarity_from_two_poses(poses[i], poses[j], start.scale);
       const double cost = median_cost(poses, T);

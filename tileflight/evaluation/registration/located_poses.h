@@ -1,11 +1,22 @@
 #pragma once
 
+#include <optional>
 #include <vector>
 
 #include "tileflight/core/alignment/similarity_chart.h"
 #include "tileflight/evaluation/registration/similarity_estimate.h"
 
 namespace tileflight::registration {
+
+/// Holds what a part of an image contributed to the pose that was located by it.
+struct PosePart {
+  geometry::Vec3 point_local;  ///< middle of the surface that the part shows, metres
+  double size_m = 0.0;         ///< of that surface, seen from the camera
+  /// Motion x of the camera, T_local_camera exp(x), translation (m) first, rotation (rad), by which the part's
+  /// residuals moved the pose; enlarged for the residuals that the pose itself has fitted. Those of all parts nearly
+  /// cancel.
+  geometry::Vec6 motion = geometry::Vec6::Zero();
+};
 
 /// A camera pose of the map's path, with the pose located independently in the local frame for the same time.
 struct LocatedPose {
@@ -14,6 +25,7 @@ struct LocatedPose {
   /// Information matrix of a small motion x of the located camera in its own axes, T_local_camera exp(x), translation
   /// (m) first, rotation (rad).
   Eigen::Matrix<double, 6, 6> information = Eigen::Matrix<double, 6, 6>::Identity();
+  std::vector<PosePart> parts{};  ///< empty: unknown
 };
 
 struct LocatedPosesFit {
@@ -44,20 +56,31 @@ enum class PathCoverage {
   kParts   ///< parts of it have no located pose
 };
 
-/// Standard deviation of similarity_of() `poses`, which are in the path's order, as displacement of the map's points
-/// (metres, RMS over points and noise), against the similarity of all poses of the path, located without error. By
-/// leaving out one interval of the path at a time, since neighbours share their errors:
+/// Covariance of similarity_of() `poses`, which are in the path's order, as a motion about `center` (target frame),
+/// against the similarity of all poses of the path, located without error. By leaving out one interval of the path at a
+/// time, since neighbours share their errors:
 ///
 /// - kParts: jackknife (core/alignment/uncertainty.h). A path that bends gives another similarity for each of its
-/// parts.
+///   parts.
 /// - kWhole: a path that bends is the same in sample and whole, so the bend is no error, however much a leg of it
-/// pulls.
-///   The estimates' second differences leave out what changes slowly along the path (Wolter, Introduction to Variance
-///   Estimation, 2nd edition, chapter 8: contrasts of a systematic sample), but also errors that are shared for longer.
-///   Hence twice that, and at most the jackknife, which counts all. For fewer than eight poses as kParts.
+///   pulls. The estimates' second differences leave out what changes slowly along the path (Wolter, Introduction to
+///   Variance Estimation, 2nd edition, chapter 8: contrasts of a systematic sample), but also errors that are shared
+///   for longer. Hence four times that variance, and at most the jackknife, which counts all: the one that moves
+///   `points` (of the map) less. For fewer than eight poses as kParts.
 ///
-/// NaN for fewer than four poses.
-double similarity_sigma_m(const std::vector<LocatedPose>& poses, const alignment::PointSpread& points,
-                          PathCoverage coverage);
+/// nullopt for fewer than four poses.
+std::optional<Mat7> interval_covariance(const std::vector<LocatedPose>& poses, const geometry::Vec3& center,
+                                        const alignment::PointSpread& points, PathCoverage coverage);
+
+/// Covariance of similarity_of() `poses` by what the images show, as a motion about `center`: a place that has changed
+/// pulls all images of the same ground in the same way, which no difference between the poses tells. The contributions
+/// of the images' parts are summed over the blocks of ground that they show, and are independent between blocks (Liang
+/// and Zeger, Biometrika 73, 1986). Zero if the poses have no parts.
+Mat7 ground_covariance(const std::vector<LocatedPose>& poses, const geometry::Vec3& center);
+
+/// Returns the similarity of located poses with its information: the inverse of the sum of the covariances above, about
+/// the mean of the poses. nullopt for fewer than four poses.
+std::optional<SimilarityEstimate> estimate_similarity(const std::vector<LocatedPose>& poses,
+                                                      const alignment::PointSpread& points, PathCoverage coverage);
 
 }  // namespace tileflight::registration

@@ -4,6 +4,7 @@
 #include <gtest/gtest.h>
 
 #include <cmath>
+#include <map>
 #include <random>
 
 #include "tileflight/core/base/input_error.h"
@@ -114,6 +115,12 @@ std::vector<LocatedPose> located(const std::vector<LocatedPose>& path, double si
   return some;
 }
 
+/// Displacement of the ground by the errors of the similarity, by the path's intervals.
+double similarity_sigma_m(const std::vector<LocatedPose>& poses, PathCoverage coverage) {
+  const SimilarityEstimate estimate = estimate_similarity(poses, ground(), coverage).value();
+  return motion_sigma_m(estimate.information.inverse(), estimate.T_target_source, estimate.center, ground());
+}
+
 /// Error and stated sigma, RMS over samples.
 struct Calibration {
   double error_m = 0.0, sigma_m = 0.0;
@@ -127,7 +134,7 @@ Calibration calibration(double bend_m, double sigma_m, double sigma_rad, int sha
   for (int k = 0; k < kSamples; ++k) {
     const auto some = located(path, sigma_m, sigma_rad, shared, static_cast<unsigned>(k));
     rms.error_m += std::pow(alignment::rms_motion_m(truth, similarity_of(some), ground()), 2) / kSamples;
-    rms.sigma_m += std::pow(similarity_sigma_m(some, ground(), PathCoverage::kWhole), 2) / kSamples;
+    rms.sigma_m += std::pow(similarity_sigma_m(some, PathCoverage::kWhole), 2) / kSamples;
   }
   return {std::sqrt(rms.error_m), std::sqrt(rms.sigma_m)};
 }
@@ -154,14 +161,73 @@ TEST(LocatedPosesSigma, OfPartsOfABentPathTheBendIsAnError) {
   const std::vector<LocatedPose> path = bent_path(0.5);
   std::vector<LocatedPose> half = located(path, 0.0, 0.0, 1, 1);
   half.resize(kLocated / 2);
-  const double whole_m = similarity_sigma_m(half, ground(), PathCoverage::kWhole);
-  EXPECT_GT(similarity_sigma_m(half, ground(), PathCoverage::kParts), 2.0 * whole_m);
+  const double whole_m = similarity_sigma_m(half, PathCoverage::kWhole);
+  EXPECT_GT(similarity_sigma_m(half, PathCoverage::kParts), 2.0 * whole_m);
 }
 
 TEST(LocatedPosesSigma, IsUnknownForFewPoses) {
   const std::vector<LocatedPose> path = bent_path(0.0);
-  EXPECT_TRUE(std::isnan(similarity_sigma_m({path[0], path[50], path[99]}, ground(), PathCoverage::kWhole)));
+  EXPECT_FALSE(estimate_similarity({path[0], path[50], path[99]}, ground(), PathCoverage::kWhole));
 }
+
+/// Poses of cameras at `positions`, 10 m above the ground z = 0, each located by parts of its image on blocks of ground
+/// of 2 m. Each block pulls all images that show it by one random displacement.
+std::vector<LocatedPose> located_by_ground(const std::vector<Vec3>& positions, unsigned seed) {
+  constexpr int kHalf = 3;
+  constexpr double kSide_m = 2.0, kSigma_m = 0.1;
+  std::map<std::pair<int, int>, Vec3> pulls;
+  std::mt19937_64 random(seed);
+  std::normal_distribution<double> normal(0.0, kSigma_m);
+  std::vector<LocatedPose> poses;
+  for (const Vec3& position : positions) {
+    LocatedPose pose{SE3(Eigen::Quaterniond::Identity(), position), SE3(Eigen::Quaterniond::Identity(), position)};
+    geometry::Vec6 error = geometry::Vec6::Zero();
+    for (int x = -kHalf; x < kHalf; ++x) {
+      for (int y = -kHalf; y < kHalf; ++y) {
+        const std::pair block(static_cast<int>(std::floor(position.x() / kSide_m)) + x,
+                              static_cast<int>(std::floor(position.y() / kSide_m)) + y);
+        auto pull = pulls.find(block);
+        if (pull == pulls.end())
+          pull = pulls.emplace(block, Vec3(normal(random), normal(random), normal(random))).first;
+        constexpr double kShare = 1.0 / (4.0 * kHalf * kHalf);
+        PosePart part{.point_local = kSide_m * Vec3(block.first, block.second, 0.0), .size_m = kSide_m};
+        part.motion << kShare * pull->second, 0.1 * kShare * Vec3(x, y, 0.0).cross(pull->second);
+        error += part.motion;
+        pose.parts.push_back(part);
+      }
+    }
+    pose.T_local_camera = pose.T_local_camera * SE3(geometry::so3_exp(error.tail<3>()), error.head<3>());
+    poses.push_back(pose);
+  }
+  return poses;
+}
+
+/// Ratio of stated to true error (RMS over samples) of the similarity of poses that ground has pulled.
+double ground_calibration(const std::vector<Vec3>& positions) {
+  constexpr int kSamples = 200;
+  double errors = 0.0, sigmas = 0.0;
+  for (unsigned k = 0; k < kSamples; ++k) {
+    const std::vector<LocatedPose> poses = located_by_ground(positions, k);
+    errors += std::pow(alignment::rms_motion_m(similarity_of(poses), Sim3(), ground()), 2);
+    const Vec3 center(3.0, -2.0, 5.0);
+    sigmas += std::pow(motion_sigma_m(ground_covariance(poses, center), similarity_of(poses), center, ground()), 2);
+  }
+  return std::sqrt(sigmas / errors);
+}
+
+TEST(GroundSigma, IsTheErrorOfImagesThatShowTheSameGround) {
+  std::vector<Vec3> positions;
+  for (int k = 0; k < 40; ++k) positions.emplace_back(0.5 * std::cos(0.3 * k), 0.5 * std::sin(0.3 * k), 10.0);
+  EXPECT_NEAR(ground_calibration(positions), 1.0, 0.15);
+}
+
+TEST(GroundSigma, IsTheErrorOfImagesOfNewGround) {
+  std::vector<Vec3> positions;
+  for (int k = 0; k < 40; ++k) positions.emplace_back(1.3 * k, 0.0, 10.0);
+  EXPECT_NEAR(ground_calibration(positions), 1.0, 0.15);
+}
+
+TEST(GroundSigma, IsZeroWithoutParts) { EXPECT_EQ(ground_covariance(bent_path(0.0), Vec3::Zero()).norm(), 0.0); }
 
 }  // namespace
 }  // namespace tileflight::registration::located_poses_sigma_test

@@ -1,8 +1,9 @@
 #include "tileflight/evaluation/registration/register_map.h"
 
-#include <Eigen/Cholesky>
+#include <Eigen/LU>
 #include <algorithm>
 #include <cmath>
+#include <limits>
 #include <numbers>
 
 #include "tileflight/core/alignment/similarity_chart.h"
@@ -303,15 +304,17 @@ class MapRegistrar {
     constexpr double kWeak = 0.03;  // of Constraint::eigenvalues
     const bool weak = best.fit.constraint.eigenvalues.empty() || best.fit.constraint.eigenvalues.front() < kWeak;
     if (best.is_recognised() && weak) result_.repetition_distance_m = find_repetition(refiner_, spread_, T);
-    if (best.is_recognised())
-      best.pictures = refiner_.check_pictures(T, options_.fine_pictures, PictureDetail::kFine, &result_.sigma_m);
+    if (best.is_recognised()) best.pictures = refiner_.check_pictures(T, options_.fine_pictures, PictureDetail::kFine);
     const bool by_pictures = best.is_recognised() && options_.regions.empty();
     const ObservedPoints many = subsample(points_, options_.fine_points);
     SurfaceFitOptions fit = refiner_.fit_options(best.start, {1.0, 0.5});
     if (!options_.regions.empty()) fit.regions = options_.regions;
     if (best.is_recognised()) fit.prior.reset();
     result_.surface = fit_to_surface(many, surface_.index, surface_.mesh, T, fit);
-    if (!by_pictures) {
+    if (by_pictures) {
+      const auto& estimate = best.pictures->estimate;
+      result_.sigma_m = estimate ? sigma_of(*estimate) : std::numeric_limits<double>::quiet_NaN();
+    } else {
       fit.radii_m = {0.5};
       result_.sigma_m = shape_sigma_m(many, surface_, fit, result_.surface.T_target_source, spread_);
     }
@@ -321,6 +324,10 @@ class MapRegistrar {
     result_.pictures = best.pictures;
     result_.rays = refiner_.rays(result_.T_local_map);
     result_.moved_from_start_m = alignment::rms_motion_m(best.start.T, result_.T_local_map, spread_);
+  }
+
+  double sigma_of(const SimilarityEstimate& estimate) const {
+    return motion_sigma_m(estimate.information.inverse(), estimate.T_target_source, estimate.center, spread_);
   }
 
   const ObservedPoints& points_;

@@ -44,8 +44,7 @@ struct LocatedPicture {
 struct LocatedPictures {
   std::size_t tried = 0;
   std::vector<LocatedPicture> found;
-  double shared_sigma_m = 0.0;  ///< standard deviation of what the images see by the errors that all of them may share;
-                                ///< 0: unknown
+  bool along_path = false;  ///< the images were located together: a better start finds no more of them
 };
 
 /// Accuracy of image localization.
@@ -75,6 +74,8 @@ struct PictureAgreement {
   double worst_m = 0.0;        ///< largest distance of a located position from the transformed path
   double worst_time_s = 0.0;   ///< time of worst_m
   double path_length_m = 0.0;  ///< length of the located part of the path
+  bool along_path = false;     ///< LocatedPictures::along_path
+  std::optional<SimilarityEstimate> estimate{};  ///< by the inliers; nullopt: there are too few
 
   /// Tells whether the images look so different that the place's textures must have changed. By the proving ground,
   /// images of unchanged textures correlate by 0.9 and more, those of another season by 0.63 to 0.76.

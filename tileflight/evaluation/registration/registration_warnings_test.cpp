@@ -45,11 +45,13 @@ TEST(RegistrationWarnings, AnUncertaintyThatMayHideAnErrorIsAWarning) {
 
 /// The severity of the warning that a map at a place that was searched does not match it; `correlation` and `agreeing`
 /// of 20 images.
-std::optional<Severity> warning_of_rays(double score, double correlation, std::size_t agreeing) {
+std::optional<Severity> warning_of_rays(double score, double correlation, std::size_t agreeing,
+                                        bool along_path = false) {
   RegistrationResult r;
   r.start = kSearchedStart;
   r.method = "pictures";
-  r.pictures = PictureAgreement{.tried = 20, .located = 20, .inliers = agreeing, .correlation = correlation};
+  r.pictures = PictureAgreement{
+      .tried = 20, .located = 20, .inliers = agreeing, .correlation = correlation, .along_path = along_path};
   r.rays = RayAgreement{.score = score};
   add_registration_warnings({}, {}, r);
   for (const Warning& warning : r.warnings)
@@ -65,6 +67,12 @@ TEST(RegistrationWarnings, ASearchedPlaceThatResemblesLittleNeedsBetterRays) {
   EXPECT_EQ(warning_of_rays(0.57, 0.89, 20), Severity::kWarning);
   EXPECT_EQ(warning_of_rays(0.55, 0.96, 20), std::nullopt);
   EXPECT_EQ(warning_of_rays(0.30, 0.61, 20), Severity::kError);
+}
+
+TEST(RegistrationWarnings, ImagesLocatedAllAlongThePathNeedLessOfTheRays) {
+  EXPECT_EQ(warning_of_rays(0.67, 0.49, 20, true), std::nullopt);
+  EXPECT_EQ(warning_of_rays(0.67, 0.49, 19, true), Severity::kWarning);
+  EXPECT_EQ(warning_of_rays(0.55, 0.49, 20, true), Severity::kWarning);
 }
 
 TEST(RegistrationWarnings, ImagesThatLookTheSameOutweighTheRaysOverClutter) {

@@ -1,5 +1,6 @@
 #include "tileflight/evaluation/registration/similarity_estimate.h"
 
+#include <algorithm>
 #include <cmath>
 
 namespace tileflight::registration {
@@ -37,6 +38,24 @@ Mat7 change_of_center(const Vec3& from, const Vec3& to) {
 SimilarityEstimate SimilarityEstimate::recentered(const Vec3& new_center) const {
   const Mat7 back = change_of_center(new_center, center);  // x_old = back x_new
   return {T_target_source, new_center, back.transpose() * information * back};
+}
+
+double motion_sigma_m(const Mat7& covariance, const Sim3& T, const Vec3& center, const alignment::PointSpread& points) {
+  // Of the mean and the second moment of the moved points about the centre; a motion moves a point x by t + w x x + s
+  // x.
+  const Vec3 mean = T * points.mean - center;
+  const geometry::Mat3 spread = points.second_moment - points.mean * points.mean.transpose();
+  const geometry::Mat3 R = T.rotation.toRotationMatrix();
+  const geometry::Mat3 moment = T.scale * T.scale * R * spread * R.transpose() + mean * mean.transpose();
+  Mat7 squares = Mat7::Zero();  // of which the trace with the covariance is the mean square
+  squares.block<3, 3>(0, 0).setIdentity();
+  squares.block<3, 3>(0, 3) = -geometry::skew(mean);
+  squares.block<3, 1>(0, 6) = mean;
+  squares.block<3, 3>(3, 3) = moment.trace() * geometry::Mat3::Identity() - moment;
+  squares(6, 6) = moment.trace();
+  squares.block<3, 3>(3, 0) = squares.block<3, 3>(0, 3).transpose();
+  squares.block<1, 3>(6, 0) = mean.transpose();
+  return std::sqrt(std::max(0.0, (covariance * squares).trace()));
 }
 
 }  // namespace tileflight::registration

@@ -2,6 +2,7 @@
 
 #include <Eigen/Core>
 
+#include "tileflight/core/alignment/similarity_chart.h"
 #include "tileflight/core/geometry/transform.h"
 
 namespace tileflight::registration {
@@ -25,5 +26,10 @@ struct SimilarityEstimate {
   /// Returns the estimate expressed about another centre.
   SimilarityEstimate recentered(const geometry::Vec3& new_center) const;
 };
+
+/// Standard deviation of the points by the covariance of a motion of `T` about `center` (target frame): metres, RMS
+/// over points and noise. `points`: in the source frame.
+double motion_sigma_m(const Mat7& covariance, const geometry::Sim3& T, const geometry::Vec3& center,
+                      const alignment::PointSpread& points);
 
 }  // namespace tileflight::registration

@@ -117,12 +117,8 @@ std::vector<bool> readmit_bent_segments(const std::vector<LocatedPose>& poses, c
 
 }  // namespace
 
-/// Where textures have changed, all images share a part of their errors, which none of the spreads between them shows.
-/// Offset over sigma was 1.9 (RMS) on flights of the proving ground over textures of another season.
-constexpr double kSharedByChangedTextures = 2.0;
-
-std::optional<PictureAgreement> StartRefiner::check_pictures(Sim3& T, std::size_t pictures, PictureDetail detail,
-                                                             double* sigma_m) const {
+std::optional<PictureAgreement> StartRefiner::check_pictures(Sim3& T, std::size_t pictures,
+                                                             PictureDetail detail) const {
   if (!services_.locate_pictures) return std::nullopt;
   constexpr int kRounds = 2;  // the first round improves the initial poses of the second
   std::optional<PictureAgreement> agreement;
@@ -138,14 +134,11 @@ std::optional<PictureAgreement> StartRefiner::check_pictures(Sim3& T, std::size_
     const Sim3 carried = similarity_of(inliers);
     agreement = picture_agreement(located, fit.is_inlier, carried, evidence_.path);
     T = carried;
-    if (sigma_m != nullptr) {
-      const PathCoverage coverage =
-          10 * inliers.size() >= 9 * located.tried ? PathCoverage::kWhole : PathCoverage::kParts;
-      *sigma_m = similarity_sigma_m(inliers, alignment::compute_spread(coarse_points_.positions), coverage);
-      if (agreement->textures_differ()) *sigma_m *= kSharedByChangedTextures;
-      *sigma_m = std::max(*sigma_m, located.shared_sigma_m);
-    }
-    if (agreement->located == agreement->tried) break;
+    agreement->along_path = located.along_path;
+    agreement->estimate =
+        estimate_similarity(inliers, alignment::compute_spread(coarse_points_.positions),
+                            10 * inliers.size() >= 9 * located.tried ? PathCoverage::kWhole : PathCoverage::kParts);
+    if (agreement->located == agreement->tried || located.along_path) break;
   }
   return agreement;
 }

@@ -43,10 +43,9 @@ class StartRefiner {
   /// Fits a start to the surface and computes its ray agreement. Does not compare its images.
   Candidate refine(const Start& start) const;
 
-  /// Agreement of the images with `T`, which is moved to the fit of the located poses. `sigma_m`: its uncertainty.
+  /// Agreement of the images with `T`, which is moved to the fit of the located poses.
   std::optional<PictureAgreement> check_pictures(geometry::Sim3& T, std::size_t pictures,
-                                                 PictureDetail detail = PictureDetail::kCoarse,
-                                                 double* sigma_m = nullptr) const;
+                                                 PictureDetail detail = PictureDetail::kCoarse) const;
 
   /// Subsampled map points for comparing starts.
   const ObservedPoints& coarse_points() const { return coarse_points_; }

@@ -24,6 +24,7 @@
 #include "tileflight/evaluation/localization/picture_localizer.h"
 #include "tileflight/evaluation/registration/register_map.h"
 #include "tileflight/evaluation/scoring/flight_evidence.h"
+#include "tileflight/evaluation/scoring/flight_images.h"
 #include "tileflight/evaluation/scoring/warnings.h"
 #include "tileflight/world/scene/scene.h"
 
@@ -38,11 +39,12 @@ using geometry::Sim3;
 /// Localizes a flight's images in the textured place.
 class PictureFinder {
  public:
-  /// `scene` must outlive it. `path`: T_map_camera with the images' times.
-  PictureFinder(const scene::Scene& scene, dataset::Dataset dataset, geometry::Trajectory path)
-      : scene_(scene),
-        dataset_(std::move(dataset)),
+  /// `scene` and `dataset` must outlive it. `path`: T_map_camera with the images' times.
+  PictureFinder(const scene::Scene& scene, const dataset::Dataset& dataset, geometry::Trajectory path,
+                localization::FlightImages flight)
+      : dataset_(dataset),
         path_(std::move(path)),
+        flight_(std::move(flight)),
         fine_(scene, dataset_.calibration.camera, {.narrow_window = kWideWindow}),
         coarse_(scene, fine_.appearance(), dataset_.calibration.camera,
                 {.width = kCoarseWidth, .narrow_window = kWideWindow}),
@@ -55,15 +57,16 @@ class PictureFinder {
 
   /// Localizes `pictures` images, evenly chosen along the path, each starting from its pose by the transform. Those
   /// that are not found are tried again from where a neighbour in time was found, so that the drift or breaks of a path
-  /// show. kFine, where the images look different from the place: by several images for each, fused with the path
-  /// between them.
+  /// show. kFine, where the images look different from the place: all images, each from where its neighbour was found,
+  /// fused with the path between them.
   registration::LocatedPictures operator()(const Sim3& T_local_map, std::size_t pictures,
                                            registration::PictureDetail detail) const {
     if (detail == registration::PictureDetail::kCoarse) return locate_each(coarse_, T_local_map, pictures);
     registration::LocatedPictures each = locate_each(fine_, T_local_map, pictures);
     if (!look_different(each)) return each;
-    registration::LocatedPictures together = locate_together(T_local_map, pictures);
-    return together.found.size() >= each.found.size() ? together : each;
+    registration::LocatedPictures together = locate_together(T_local_map);
+    constexpr double kNearlyAsMany = 0.8;
+    return share_found(together) > kNearlyAsMany * share_found(each) ? together : each;
   }
 
   /// Appearance of the scene; shared because it holds a copy of all textures.
@@ -81,6 +84,10 @@ class PictureFinder {
     for (const registration::LocatedPicture& picture : located.found) sum += picture.correlation;
     const auto found = static_cast<double>(located.found.size());
     return sum < kUnchanged * found || found < kMost * static_cast<double>(located.tried);
+  }
+
+  static double share_found(const registration::LocatedPictures& located) {
+    return static_cast<double>(located.found.size()) / std::max<double>(1.0, static_cast<double>(located.tried));
   }
 
   /// Indices into pairs_, evenly spread.
@@ -122,52 +129,33 @@ class PictureFinder {
     return result;
   }
 
-  registration::LocatedPictures locate_together(const Sim3& T, std::size_t pictures) const {
-    constexpr std::size_t kImagesEach = 5;
-    constexpr double kShareOfStep = 0.01, kRotation_rad = 0.05 * geometry::kRadiansPerDegree;  // an odometry's errors
-    const std::vector<std::size_t> chosen = choose(kImagesEach * pictures);
-    localization::FlightImages flight;
-    for (std::size_t k = 0; k < chosen.size(); ++k) {
-      const SE3& pose = path_pose(chosen[k]);
-      const double step = k > 0 ? (pose.translation - path_pose(chosen[k - 1]).translation).norm() : 0.0;
-      flight.images.push_back({pose, kShareOfStep * step, kRotation_rad});
-    }
-    flight.read = [&](std::size_t k) { return std::optional(image(chosen[k])); };
-    registration::LocatedPictures result{.tried = std::min(pictures, chosen.size())};
+  registration::LocatedPictures locate_together(const Sim3& T) const {
+    constexpr std::size_t kMost = 200;
+    const std::vector<std::size_t> chosen = choose(kMost);
+    localization::FlightImages flight{.has_scale = flight_.has_scale};
+    for (const std::size_t pair : chosen) flight.images.push_back(flight_.images[pairs_[pair].second]);
+    flight.read = [&](std::size_t k) { return flight_.read(pairs_[chosen[k]].second); };
+    registration::LocatedPictures result{.tried = chosen.size(), .along_path = true};
     localization::LocatedFlight located;
     try {
       located = localization::locate_flight(together_, flight, T);
     } catch (const InputError&) {  // none was found
       return result;
     }
-    std::vector<double> squares;
-    for (std::size_t k = 0; k < result.tried; ++k) {
-      const std::size_t i = (2 * k + 1) * chosen.size() / (2 * result.tried);
-      const localization::LocatedImage& image = located.images[i];
+    for (std::size_t k = 0; k < chosen.size(); ++k) {
+      const localization::LocatedImage& image = located.images[k];
       if (image.source != localization::PoseSource::kPlace) continue;
-      result.found.push_back({pairs_[chosen[i]].first,
-                              {path_pose(chosen[i]), image.pose.T_local_camera, image.pose.covariance.inverse()},
-                              image.correlation});
-      if (const auto squared = squared_error_of_view(image.pose)) squares.push_back(*squared);
+      result.found.push_back(
+          {pairs_[chosen[k]].first,
+           {path_pose(chosen[k]), image.pose.T_local_camera, image.pose.covariance.inverse(), image.parts},
+           image.correlation});
     }
-    if (!squares.empty()) result.shared_sigma_m = std::sqrt(base::upper_median(std::move(squares)));
     return result;
   }
 
-  /// Squared error of the place that the image's middle shows, by the error of its pose; nullopt where it shows none.
-  std::optional<double> squared_error_of_view(const localization::FusedPose& pose) const {
-    constexpr double kReach_m = 500.0;
-    const SE3& T = pose.T_local_camera;
-    const auto hit = scene_.intersect({T.translation, T.rotation * geometry::Vec3::UnitZ()}, kReach_m);
-    if (!hit) return std::nullopt;
-    Eigen::Matrix<double, 3, 6> by_motion;
-    by_motion << geometry::Mat3::Identity(), -geometry::skew(geometry::Vec3(0.0, 0.0, hit->distance_m));
-    return (by_motion * pose.covariance * by_motion.transpose()).trace();
-  }
-
-  const scene::Scene& scene_;
-  dataset::Dataset dataset_;
+  const dataset::Dataset& dataset_;
   geometry::Trajectory path_;
+  localization::FlightImages flight_;
   std::vector<std::pair<std::size_t, std::size_t>> pairs_;  ///< pose of the path, frame of the dataset
   localization::PictureLocalizer fine_, coarse_, together_;
 };
@@ -287,7 +275,7 @@ RegisteredFlight register_flight(const MapInputs& map, const AlignTarget& target
   services.cast_ray = make_ray_cast(*place.scene);
   std::unique_ptr<PictureFinder> finder;
   if (place.textured && has_images) {
-    finder = std::make_unique<PictureFinder>(*place.scene, *dataset, evidence.path);
+    finder = std::make_unique<PictureFinder>(*place.scene, *dataset, evidence.path, flight_images(*dataset, map));
     services.locate_pictures = [&finder](const geometry::Sim3& T, std::size_t pictures,
                                          registration::PictureDetail detail) { return (*finder)(T, pictures, detail); };
   }
