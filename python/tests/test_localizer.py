@@ -22,6 +22,21 @@ class LocalizerTest(unittest.TestCase):
             self.assertEqual(found.covariance.shape, (6, 6))
         self.assertFalse(found.lost)
 
+    def test_an_inertial_unit_carries_it_through_images_that_show_nothing(self):
+        flight = tf.Flight.plan(str(place.flight_file()))
+        localizer = tf.Localizer(place.scene_of_the_flight(), flight.camera, T_imu_camera=np.eye(4))
+        localizer.start(flight.poses[0], flight.times[0])
+        begin, end = flight.times[0], flight.times[0] + 0.3
+        for time in np.arange(begin, end + 0.05, 0.005):  # a unit that hangs still
+            localizer.add_reading(time, [0, 0, 0], flight.poses[0][:3, :3].T @ [0, 0, 9.80665])
+        blind = np.zeros((flight.camera.height, flight.camera.width, 3), np.uint8)
+        localizer.add(blind, begin)
+        found = localizer.add(blind, end)
+        self.assertFalse(found.located)
+        self.assertLess(np.linalg.norm(found.velocity), 0.01)
+        self.assertLess(np.linalg.norm(found.pose[:3, 3] - flight.poses[0][:3, 3]), 0.01)
+        self.assertGreater(found.sigma_velocity, 0.0)
+
     def test_it_must_be_started(self):
         localizer = tf.Localizer(place.scene(), tf.Camera.pinhole(320, 240, 80))
         with self.assertRaisesRegex(tf.InputError, "has no start"):

@@ -44,10 +44,14 @@ int read_side(StrictSection& section, const char* key, int fallback) {
 
 VisionPlan read_vision(StrictSection section) {
   VisionPlan vision;
-  const std::string source = section.choice("source", {"none", "truth", "odometry"}).value_or("none");
+  const std::string source = section.choice("source", {"none", "truth", "odometry", "place"}).value_or("none");
   vision.source = source == "truth"      ? VisionPlan::Source::kTruth
                   : source == "odometry" ? VisionPlan::Source::kOdometry
+                  : source == "place"    ? VisionPlan::Source::kPlace
                                          : VisionPlan::Source::kNone;
+  vision.tiles = section.text("tiles").value_or("");
+  if (!vision.tiles.empty() && vision.source != VisionPlan::Source::kPlace)
+    throw section.error("tiles", "is of source: place only");
   vision.rate_hz = read_within(section, "rate_hz", vision.rate_hz, 1.0, 125.0);
   vision.latency_s = read_within(section, "latency_s", vision.latency_s, 0.0, 1.0);
   vision.width = read_side(section, "width", vision.width);
@@ -85,6 +89,9 @@ AutopilotPlan read_autopilot_plan(StrictSection& section, const std::filesystem:
   plan.mount = read_mount(section);
   plan.gnss = section.boolean("gnss").value_or(true);
   if (auto vision = section.section("vision")) plan.vision = read_vision(std::move(*vision));
+  if (const auto beside = plan.folder / plan.vision.tiles;
+      !plan.vision.tiles.empty() && std::filesystem::exists(beside))
+    plan.vision.tiles = beside.string();
   if (!plan.is_px4 && (!plan.gnss || plan.vision.source != VisionPlan::Source::kNone))
     throw section.error(plan.gnss ? "vision" : "gnss",
                         "is for px4 only: ArduPilot's JSON interface sends the true state");

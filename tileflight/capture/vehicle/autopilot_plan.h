@@ -11,8 +11,9 @@ namespace tileflight::vehicle {
 
 /// Vision input of an autopilot (key `vision`), and the camera of its own from whose pictures it is made.
 struct VisionPlan {
-  enum class Source { kNone, kTruth, kOdometry };
+  enum class Source { kNone, kTruth, kOdometry, kPlace };
   Source source = Source::kNone;
+  std::string tiles;  ///< of kPlace: SOURCE of the tiles that pictures are located in; empty: those that are flown over
   double rate_hz = 15.0, latency_s = 0.1;
   int width = 320, height = 240;
   double fov_deg = 100.0;                            ///< of the longer side

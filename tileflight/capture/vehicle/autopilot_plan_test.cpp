@@ -48,7 +48,18 @@ TEST_F(AutopilotPlanFile, VisionHasACameraOfItsOwn) {
   EXPECT_EQ(plan.vision.offset_m, geometry::Vec3(0.1, 0.2, -0.05));
 }
 
+TEST_F(AutopilotPlanFile, VisionIsLocatedInTilesBesideTheFileOrElsewhere) {
+  const auto tiles_of = [&](const std::string& tiles) {
+    const VisionPlan vision = read("kind: px4\nvision: {source: place" + tiles + "}\n").vision;
+    EXPECT_EQ(vision.source, VisionPlan::Source::kPlace);
+    return vision.tiles;
+  };
+  EXPECT_EQ(tiles_of(""), "");
+  EXPECT_EQ(tiles_of(", tiles: 'ion:1234'"), "ion:1234");
+}
+
 TEST_F(AutopilotPlanFile, WhatItCannotBeIsRefused) {
+  EXPECT_THAT(fault("kind: px4\nvision: {source: odometry, tiles: place}\n"), HasSubstr("is of source: place only"));
   EXPECT_THAT(fault("kind: ardupilot\nvision: {source: odometry}\n"), HasSubstr("px4 only"));
   EXPECT_THAT(fault("kind: ardupilot\ngnss: false\n"), HasSubstr("px4 only"));
   EXPECT_THAT(fault("kind: px4\nvision: {source: gps}\n"), HasSubstr("odometry"));

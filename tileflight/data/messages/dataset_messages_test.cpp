@@ -8,6 +8,7 @@
 #include "tests/temporary_folder.h"
 #include "tileflight/core/base/files.h"
 #include "tileflight/data/dataset/frame_layers.h"
+#include "tileflight/data/messages/ros_messages.h"
 
 namespace tileflight::messages::dataset_messages_test {
 namespace {
@@ -92,6 +93,20 @@ TEST(DatasetMessages, OdometryHasTheVelocitiesInTheCamerasAxes) {
   EXPECT_NEAR(field(1), -4.0 * std::sin(0.1), 1e-9);
   EXPECT_NEAR(field(2), 0.0, 1e-9);
   EXPECT_NEAR(field(5), 0.2, 1e-9) << "rad/s about z";
+}
+
+TEST(DatasetMessages, OdometryHasTheCovariancesThatAreKnown) {
+  ros::OdometryCovariances covariances;
+  covariances.pose(0, 0) = 0.5;
+  covariances.pose(1, 2) = covariances.pose(2, 1) = 0.25;
+  covariances.velocity(5, 5) = 2.0;
+  const std::string bytes = ros::odometry({0, "map"}, "body", geometry::SE3(), {}, covariances);
+  // The last fields: 36 covariances of the pose, velocity, angular velocity, 36 covariances, all float64.
+  const auto field = [&](std::size_t i) { return number_at<double>(bytes, bytes.size() - (78 - i) * sizeof(double)); };
+  EXPECT_EQ(field(0), 0.5);
+  EXPECT_EQ(field(8), 0.25);
+  EXPECT_EQ(field(13), 0.25);
+  EXPECT_EQ(field(77), 2.0);
 }
 
 }  // namespace

@@ -103,8 +103,6 @@ void collect_dependencies(const std::string& name, std::vector<std::string>& par
 constexpr std::array<double, 9> kUnknownCovariance{};  ///< all zeros
 constexpr std::array<double, 9> kNoEstimate{-1.0, 0, 0, 0, 0, 0, 0, 0, 0};
 
-constexpr std::array<double, 36> kUnknownCovariance6{};
-
 CdrWriter& put(CdrWriter& writer, std::int64_t time_ns) {
   constexpr std::int64_t kSecond_ns = 1000000000;
   writer.number(static_cast<std::int32_t>(time_ns / kSecond_ns));
@@ -208,12 +206,18 @@ std::string transform(const Header& head, const std::string& child_frame_id, con
 }
 
 std::string odometry(const Header& head, const std::string& child_frame_id, const geometry::SE3& T_frame_child,
-                     const Velocity& velocity) {
+                     const Velocity& velocity, const OdometryCovariances& covariances) {
+  // Symmetric, so that the order of the elements does not matter.
+  const auto elements = [](const Eigen::Matrix<double, 6, 6>& covariance) {
+    std::array<double, 36> all;
+    std::copy_n(covariance.data(), all.size(), all.begin());
+    return all;
+  };
   CdrWriter writer = begin_message(head);
   writer.text(child_frame_id);
-  put(writer, T_frame_child).array(kUnknownCovariance6);
+  put(writer, T_frame_child).array(elements(covariances.pose));
   put(writer, velocity.linear_m_s);
-  return put(writer, velocity.angular_rad_s).array(kUnknownCovariance6).bytes();
+  return put(writer, velocity.angular_rad_s).array(elements(covariances.velocity)).bytes();
 }
 
 std::string path(const Header& head, const std::vector<geometry::StampedPose>& poses, std::int64_t epoch_ns) {

@@ -47,9 +47,15 @@ struct Velocity {
   geometry::Vec3 linear_m_s = geometry::Vec3::Zero();
   geometry::Vec3 angular_rad_s = geometry::Vec3::Zero();
 };
-/// nav_msgs/msg/Odometry, covariances unknown (zero).
+/// Covariances of a pose (position and rotation about the axes of the header's frame) and of a velocity (axes of the
+/// frame that moves).
+struct OdometryCovariances {
+  Eigen::Matrix<double, 6, 6> pose = Eigen::Matrix<double, 6, 6>::Zero();
+  Eigen::Matrix<double, 6, 6> velocity = Eigen::Matrix<double, 6, 6>::Zero();
+};
+/// nav_msgs/msg/Odometry; zero covariances: unknown.
 std::string odometry(const Header& head, const std::string& child_frame_id, const geometry::SE3& T_frame_child,
-                     const Velocity& velocity);
+                     const Velocity& velocity, const OdometryCovariances& covariances = {});
 /// nav_msgs/msg/Path: poses in the header's frame. `epoch_ns` is added to their times.
 std::string path(const Header& head, const std::vector<geometry::StampedPose>& poses, std::int64_t epoch_ns = 0);
 /// rosgraph_msgs/msg/Clock

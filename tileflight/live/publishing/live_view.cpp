@@ -254,6 +254,7 @@ void LiveView::publish(const simulator::Observation& now, const Due& due, const 
   for (const simulator::ObservedVehicle& vehicle : now.vehicles) {
     VehicleChannels& channels = vehicles_.at(vehicle.name);
     publish_state(now.time_ns, vehicle, channels);
+    if (vehicle.location && channels.location) publish_location(vehicle, channels);
     add_to_path(channels.flown, {static_cast<double>(now.time_ns) * 1e-9, vehicle.T_local_body});
     if (due.paths && is_wanted(channels.path))
       sink_->publish(channels.path, now.time_ns, messages::ros::path(header(now.time_ns, kMapFrame), channels.flown));
@@ -299,6 +300,7 @@ LiveView::VehicleChannels LiveView::channels_of(const simulator::ObservedVehicle
   for (const std::string& imu : vehicle.imus)
     channels.imus[imu] = add(root + "/" + imu + "/data_raw", "sensor_msgs/msg/Imu");
   channels.odometry = add(root + "/odometry", "nav_msgs/msg/Odometry");
+  if (vehicle.locates_itself) channels.location = add(root + "/location", "nav_msgs/msg/Odometry");
   channels.path = sink_->add_channel(ros_channel(root + "/path", "nav_msgs/msg/Path", true));
   channels.gnss = add(root + "/gnss", "sensor_msgs/msg/NavSatFix");
   channels.motion = sink_->add_channel(motion_channel(root + "/motion"));
@@ -313,6 +315,7 @@ void LiveView::remove_channels(const VehicleChannels& channels) {
   for (const auto& [name, imu] : channels.imus) sink_->remove_channel(imu);
   for (const ChannelId one : {channels.odometry, channels.path, channels.gnss, channels.motion})
     sink_->remove_channel(one);
+  if (channels.location) sink_->remove_channel(*channels.location);
 }
 
 void LiveView::publish_transforms(const simulator::Observation& now) {
@@ -347,6 +350,20 @@ void LiveView::publish_state(std::uint64_t time_ns, const simulator::ObservedVeh
     const dataset::GpsFix fix{static_cast<double>(time_ns) * 1e-9, position, 0.0, 0.0};
     sink_->publish(channels.gnss, time_ns, messages::ros::nav_sat_fix(header(time_ns, body_frame(vehicle.name)), fix));
   }
+}
+
+/// Publishes where a vehicle located itself, once for each image; its true pose is that of `odometry`.
+void LiveView::publish_location(const simulator::ObservedVehicle& vehicle, VehicleChannels& channels) {
+  const simulator::ObservedLocation& found = *vehicle.location;
+  if (found.time_ns == channels.located_ns || !is_wanted(*channels.location)) return;
+  channels.located_ns = found.time_ns;
+  messages::ros::OdometryCovariances covariances;
+  covariances.pose.topLeftCorner<3, 3>() = found.position_covariance_m2;
+  covariances.pose.bottomRightCorner<3, 3>() = found.rotation_covariance_rad2;
+  covariances.velocity.topLeftCorner<3, 3>() = found.velocity_covariance_m2_s2;
+  sink_->publish(*channels.location, found.time_ns,
+                 messages::ros::odometry(header(found.time_ns, kMapFrame), body_frame(vehicle.name), found.T_local_body,
+                                         {found.velocity_m_s, found.angular_velocity_rad_s}, covariances));
 }
 
 void LiveView::publish_picture(const Header& head, const imaging::RgbImage& picture, const CameraChannels& channels) {

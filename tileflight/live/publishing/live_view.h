@@ -61,6 +61,8 @@ class LiveView {
     std::map<std::string, CameraChannels> cameras;
     std::map<std::string, ChannelId> lidars, imus;
     ChannelId odometry = 0, path = 0, gnss = 0, motion = 0;
+    std::optional<ChannelId> location;         ///< of a vehicle that locates itself
+    std::uint64_t located_ns = 0;              ///< of the latest location that was sent
     std::vector<geometry::StampedPose> flown;  ///< T_local_body
   };
 
@@ -81,6 +83,7 @@ class LiveView {
   void publish_state(std::uint64_t time_ns, const simulator::ObservedVehicle& vehicle, const VehicleChannels& channels);
   void publish_camera(const simulator::ObservedVehicle& vehicle, const simulator::ObservedCamera& camera,
                       const CameraChannels& channels);
+  void publish_location(const simulator::ObservedVehicle& vehicle, VehicleChannels& channels);
   void publish_picture(const messages::ros::Header& head, const imaging::RgbImage& picture,
                        const CameraChannels& channels);
   void publish_imu(const simulator::ObservedVehicle& vehicle, const std::string& imu, ChannelId channel);

@@ -134,11 +134,16 @@ nlohmann::json vision_keys(const vehicle::VisionPlan& vision) {
                                  {"Z", place.z()},
                                  {"Pitch", vision.pitch_deg},
                                  {"CaptureSettings", nlohmann::json::array({capture})}};
-  return {{"VisionOdometry", "FromPictures"},
-          {"VisionCamera", "vision"},
-          {"VisionRate", vision.rate_hz},
-          {"VisionLatency", vision.latency_s},
-          {"Cameras", {{"vision", camera}}}};
+  nlohmann::json keys = {{"VisionOdometry", "FromPictures"},
+                         {"VisionCamera", "vision"},
+                         {"VisionRate", vision.rate_hz},
+                         {"VisionLatency", vision.latency_s},
+                         {"Cameras", {{"vision", camera}}}};
+  if (vision.source == vehicle::VisionPlan::Source::kPlace) {
+    keys["VisionOdometry"] = "FromPlace";
+    if (!vision.tiles.empty()) keys["VisionPlace"] = vision.tiles;
+  }
+  return keys;
 }
 
 /// The plan as a settings.json, with a range finder that looks down.

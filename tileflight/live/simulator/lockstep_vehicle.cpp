@@ -252,6 +252,7 @@ void LockstepVehicle::put_at_start() {
   slot_.history.clear();
   slot_.sensor_noises.clear();
   if (slot_.vision) slot_.vision->restart();
+  slot_.location.reset();
   elapsed_s_ = 0.0;
   flow_ = {};
 }
@@ -391,7 +392,14 @@ std::optional<PlannedImages> LockstepVehicle::exposure_at(std::uint64_t step) co
 }
 
 void LockstepVehicle::look(const std::optional<PlannedImages>& exposure, std::uint64_t step) {
-  if (exposure) slot_.vision->add_picture(world_.render_colours(*exposure), step, px4_stamp_us(step));
+  if (!exposure) return;
+  imaging::RgbImage picture = world_.render_colours(*exposure);
+  const SE3 T_local_body = world_.T_local_ned * slot_.vehicle->state().T_ned_body;
+  slot_.vision->add_picture(std::move(picture), step, px4_stamp_us(step), T_local_body);
+  const auto& found = slot_.vision->latest();
+  if (!slot_.vision->locates() || !found) return;
+  const std::lock_guard lock(world_.state_mutex);
+  slot_.location = VehicleLocation{exposure->time_ns, *found, slot_.vision->T_local_world()};
 }
 
 /// Returns the message of the vision input that is sent at a step.

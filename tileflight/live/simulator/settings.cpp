@@ -209,10 +209,15 @@ vehicle::AirframeKind read_airframe(base::StrictSection& vehicle) {
 VisionSettings read_vision(base::StrictSection& vehicle) {
   VisionSettings vision;
   const std::string source =
-      vehicle.choice_in_any_case("VisionOdometry", {"None", "TruthWithNoise", "FromPictures"}).value_or("None");
+      vehicle.choice_in_any_case("VisionOdometry", {"None", "TruthWithNoise", "FromPictures", "FromPlace"})
+          .value_or("None");
   vision.source = source == "TruthWithNoise" ? VisionSource::kTruth
                   : source == "FromPictures" ? VisionSource::kPictures
+                  : source == "FromPlace"    ? VisionSource::kPlace
                                              : VisionSource::kNone;
+  vision.place = vehicle.text("VisionPlace").value_or("");
+  if (!vision.place.empty() && vision.source != VisionSource::kPlace)
+    throw vehicle.error("VisionPlace", "is of VisionOdometry FromPlace only");
   vision.camera = vehicle.text("VisionCamera").value_or(vision.camera);
   vision.rate_hz = vehicle.number("VisionRate", vision.rate_hz, 1.0, 125.0);
   vision.latency_s = vehicle.number("VisionLatency", vision.latency_s, 0.0, 1.0);
@@ -338,7 +343,7 @@ void put_cameras(std::vector<CameraSettings> own, std::vector<CameraSettings>& c
 
 /// The camera of an autopilot's vision must be there. `vehicle`: with its cameras.
 void check_vision(VehicleSettings& vehicle, StrictSection& section) {
-  if (!vehicle.autopilot || vehicle.autopilot->vision.source != VisionSource::kPictures) return;
+  if (!vehicle.autopilot || !vehicle.autopilot->vision.uses_camera()) return;
   std::string& camera = vehicle.autopilot->vision.camera;
   camera = resolve_camera_alias(camera);
   const auto named = std::ranges::find(vehicle.cameras, camera, &CameraSettings::name);
@@ -346,7 +351,7 @@ void check_vision(VehicleSettings& vehicle, StrictSection& section) {
   constexpr int kLeastSide_px = 64;
   const CaptureSettings& capture = named->captures[static_cast<std::size_t>(ImageType::kScene)];
   if (std::min(capture.width, capture.height) < kLeastSide_px)
-    throw section.error("VisionCamera", "its images are too small for odometry; at least 64 pixels a side");
+    throw section.error("VisionCamera", "its images are too small; at least 64 pixels a side");
 }
 
 /// Whether a vehicle of AirSim or Cosys-AirSim is one on wheels.

@@ -30,14 +30,18 @@ enum class VisionSource {
   kNone,
   kTruth,     ///< the true pose and velocity with white noise
   kPictures,  ///< the built-in odometry, on a camera's pictures and the inertial unit's readings
+  kPlace,     ///< the same pictures located in tiles of the place
 };
 
 struct VisionSettings {
   VisionSource source = VisionSource::kNone;
-  // The following hold for kPictures:
+  std::string place;  ///< of kPlace: SOURCE of the tiles to locate pictures in; empty: those that are flown over
+  // The following hold for kPictures and kPlace:
   std::string camera = "bottom_center";  ///< name of the vehicle's camera
   double rate_hz = 15.0;                 ///< rate of images; their interval is rounded to whole steps of the autopilot
   double latency_s = 0.1;                ///< time from the exposure to the message
+
+  bool uses_camera() const { return source == VisionSource::kPictures || source == VisionSource::kPlace; }
 };
 
 /// An autopilot that flies a vehicle: its interface, and properties of the vehicle.
@@ -47,7 +51,8 @@ struct AutopilotSettings {
   bool lockstep = true;  ///< PX4 only: LockStep
   vehicle::AirframeKind airframe = vehicle::AirframeKind::kQuadX;
   bool optical_flow = false;  ///< PX4 only: own key OpticalFlow, sends HIL_OPTICAL_FLOW
-  VisionSettings vision;      ///< PX4 only: own keys VisionOdometry, VisionCamera, VisionRate, VisionLatency
+  VisionSettings vision;      ///< PX4 only: own keys VisionOdometry, VisionPlace, VisionCamera, VisionRate,
+                              ///< VisionLatency
   double thrust_expo = 0.65;  ///< own key ThrustExpo of the motors; the default is that of the autopilot's parameters
 };
 

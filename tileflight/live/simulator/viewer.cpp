@@ -17,7 +17,23 @@ ObservedCamera observed(const SimCamera& camera) {
           camera.lens(static_cast<int>(ImageType::kScene)), camera.lens(static_cast<int>(ImageType::kDepthPlanar))};
 }
 
-ObservedVehicle observed(const World& world, const SimVehicle& vehicle) {
+ObservedLocation observed(const VehicleLocation& location) {
+  const odometry::MetricEstimate& found = location.estimate;
+  const geometry::Mat3 R = location.T_local_world.rotation.toRotationMatrix();
+  const Eigen::Quaterniond R_body_world = (found.T_world_imu.rotation * T_flu_frd().rotation.conjugate()).conjugate();
+  ObservedLocation seen;
+  seen.time_ns = location.time_ns;
+  seen.T_local_body = location.T_local_world * found.T_world_imu * T_flu_frd().inverse();
+  seen.velocity_m_s = R_body_world * found.velocity_m_s;
+  seen.angular_velocity_rad_s = frd_from_flu(found.angular_rate_rad_s);
+  seen.position_covariance_m2 = R * found.position_covariance_m2 * R.transpose();
+  seen.rotation_covariance_rad2 = R * found.rotation_covariance_rad2 * R.transpose();
+  seen.velocity_covariance_m2_s2 = R_body_world * found.velocity_covariance_m2_s2 * R_body_world.conjugate();
+  return seen;
+}
+
+ObservedVehicle observed(const World& world, const VehicleSlot& slot) {
+  const SimVehicle& vehicle = *slot.vehicle;
   const VehicleState& state = vehicle.state();
   ObservedVehicle seen;
   seen.name = vehicle.name();
@@ -25,6 +41,8 @@ ObservedVehicle observed(const World& world, const SimVehicle& vehicle) {
   seen.velocity_m_s = frd_from_flu(state.T_ned_body.rotation.conjugate() * state.velocity_m_s);
   seen.angular_velocity_rad_s = frd_from_flu(state.angular_velocity_rad_s);
   seen.flies = vehicle.settings().flies;
+  seen.locates_itself = slot.vision && slot.vision->locates();
+  if (slot.location) seen.location = observed(*slot.location);
   const geometry::Geodetic position = world.geodetic_frame.to_geodetic(state.T_ned_body.translation);
   seen.latitude_deg = position.latitude_deg;
   seen.longitude_deg = position.longitude_deg;
@@ -45,7 +63,7 @@ Observation Viewer::observe() const {
   const std::lock_guard lock(world_.state_mutex);
   Observation seen;
   seen.time_ns = world_.clock.time_ns();
-  for (const auto& one : world_.vehicles) seen.vehicles.push_back(observed(world_, *one->vehicle));
+  for (const auto& one : world_.vehicles) seen.vehicles.push_back(observed(world_, *one));
   return seen;
 }
 

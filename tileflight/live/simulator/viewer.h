@@ -29,6 +29,17 @@ struct ObservedLidar {
   geometry::SE3 T_body_lidar;
 };
 
+/// Pose that a vehicle has located itself in, in tiles of the place (live/simulator/place_vision.h).
+struct ObservedLocation {
+  std::uint64_t time_ns = 0;  ///< of the image
+  geometry::SE3 T_local_body;
+  geometry::Vec3 velocity_m_s = geometry::Vec3::Zero();            ///< body axes
+  geometry::Vec3 angular_velocity_rad_s = geometry::Vec3::Zero();  ///< body axes
+  geometry::Mat3 position_covariance_m2 = geometry::Mat3::Zero();  ///< local frame
+  geometry::Mat3 rotation_covariance_rad2 = geometry::Mat3::Zero();
+  geometry::Mat3 velocity_covariance_m2_s2 = geometry::Mat3::Zero();  ///< body axes
+};
+
 struct ObservedVehicle {
   std::string name;
   geometry::SE3 T_local_body;
@@ -37,8 +48,10 @@ struct ObservedVehicle {
   double latitude_deg = 0.0, longitude_deg = 0.0, height_m = 0.0;  ///< WGS84, above the ellipsoid
   std::vector<ObservedCamera> cameras;
   std::vector<ObservedLidar> lidars;
-  std::vector<std::string> imus;  ///< at the body's origin, with its axes
-  bool flies = false;             ///< false: a camera without a vehicle
+  std::vector<std::string> imus;             ///< at the body's origin, with its axes
+  bool flies = false;                        ///< false: a camera without a vehicle
+  bool locates_itself = false;               ///< in tiles of the place, as its autopilot's vision input
+  std::optional<ObservedLocation> location;  ///< by its latest located image
 };
 
 /// The simulation at one time.

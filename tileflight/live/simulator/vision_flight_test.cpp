@@ -3,6 +3,7 @@
 
 #include <cmath>
 #include <filesystem>
+#include <nlohmann/json.hpp>
 #include <random>
 
 #include "tests/refusal.h"
@@ -135,6 +136,65 @@ TEST(VisionFlight, ASquareOverTheStadiumWithoutAReceiver) {
   RecordProperty("worst_sigmas", std::to_string(path.worst_sigmas));
 }
 
+/// The camera sees the stadium in the low sun, and locates itself in tiles without light and shadows.
+TEST(VisionFlight, ASquareOverTheStadiumByItsTilesWithoutAReceiver) {
+  const auto folder = base::make_temporary_path(std::filesystem::temp_directory_path() / "tileflight-stadium");
+  const base::RemovedOnExit removal(folder);
+  demo_place::write_stadium(folder, {.seed = 1, .texture_scale = 0.3, .twin = false});
+  LoggedLines lines;
+  SimulatorOptions options;
+  options.source = (folder / "world" / "tileset.json").string();
+  auto settings = nlohmann::json::parse(kWithoutReceiver);
+  settings["Vehicles"]["PX4"].update({{"VisionOdometry", "FromPlace"}, {"VisionPlace", options.source}});
+  options.settings = settings.dump();
+  Simulator simulator(options, lines.log());
+  simulator.environment().set_time_of_day(true, "2024-06-21 18:30:00", false, 1.0F, 60.0F, true);
+  constexpr double kSide_m = 14.0, kHeight_m = 12.0;
+  const std::vector<Vec3> points = autopilot::test_support::square(kSide_m, kHeight_m);
+  VisionPx4 px4(port_of(simulator), points);
+  std::vector<autopilot::test_support::Observation> truth;  // at each step
+  double squares = 0.0, ratios = 0.0, worst_m = 0.0, velocity2 = 0.0, count = 0.0, high = 0.0, aloft_s = 0.0;
+  while (px4.autopilot().points_reached() < points.size() && px4.time_s() < 60.0) {
+    const std::size_t before = px4.ears().odometries.size();
+    ASSERT_TRUE(px4.round());
+    truth.push_back(px4.truth());
+    if (px4.ears().odometries.size() == before) continue;
+    const autopilot::Odometry& seen = px4.ears().odometries.back();
+    EXPECT_EQ(px4.ears().sensor.time_us - seen.time_us, kLatency_us);
+    EXPECT_EQ(seen.frame, 1);  // MAV_FRAME_LOCAL_NED
+    const auto& then = truth[(seen.time_us - 1'000'000) / 4000];
+    const auto v = [](const auto& a) { return Vec3(a[0], a[1], a[2]); };
+    const double error2 = (v(seen.position_m) - then.position_m).squaredNorm();
+    const auto& c = seen.pose_covariance;
+    squares += error2, count += 1.0;
+    constexpr double kHigh_m = 6.0;  // below, a texel is larger than a pixel, and the sigmas are too small
+    if (then.position_m.z() < -kHigh_m) ratios += error2 / (c[0] + c[6] + c[11]), high += 1.0;
+    velocity2 += (v(seen.velocity_m_s) - then.R_ned_body.conjugate() * then.velocity_m_s).squaredNorm() / 3.0;
+    worst_m = std::max(worst_m, std::sqrt(error2));
+    aloft_s = px4.time_s();
+  }
+  EXPECT_EQ(px4.autopilot().points_reached(), points.size());
+  EXPECT_EQ(lines.count("is located in the place"), 1U);
+  EXPECT_EQ(lines.count("is lost"), 0U);
+  ASSERT_GT(count, 200.0);
+  EXPECT_LT(px4.time_s() - aloft_s, 0.5);
+  EXPECT_LT(std::sqrt(squares / count), 0.05);
+  EXPECT_LT(worst_m, 0.3);
+  EXPECT_LT(ratios / high, 4.0);
+  EXPECT_LT(std::sqrt(velocity2 / count), 0.1);
+  const ObservedVehicle viewed = simulator.viewer().observe().vehicles.at(0);
+  ASSERT_TRUE(viewed.location);
+  EXPECT_LT((viewed.location->T_local_body.translation - viewed.T_local_body.translation).norm(), 1.0)
+      << "a moment ago";
+  EXPECT_LT(viewed.location->T_local_body.rotation.angularDistance(viewed.T_local_body.rotation), 0.1);
+  EXPECT_GT(viewed.location->position_covariance_m2.trace(), 0.0);
+  EXPECT_LT((viewed.location->velocity_m_s - viewed.velocity_m_s).norm(), 1.5);
+  RecordProperty("rms_m", std::to_string(std::sqrt(squares / count)));
+  RecordProperty("worst_m", std::to_string(worst_m));
+  RecordProperty("ratio", std::to_string(ratios / high));
+  RecordProperty("velocity_error_m_s", std::to_string(std::sqrt(velocity2 / count)));
+}
+
 /// Flown twice for as long as it takes until some messages have come; then the camera looks at the sky.
 TEST(VisionFlight, SamePacketsSameBytesAndLostVisionIsToldOnceAndStops) {
   constexpr std::size_t kMessages = 12;
@@ -182,10 +242,11 @@ TEST(VisionFlight, SettingsNameACameraOfTheVehicle) {
     EXPECT_THAT(tests::refusal_of([&] { read(", " + keys); }), testing::HasSubstr(why)) << keys;
   };
   refused(R"("VisionCamera": "belly")", "the vehicle has no camera 'belly'");
+  refused(R"("VisionPlace": "tiles")", "VisionPlace' is of VisionOdometry FromPlace only");
   refused(R"("VisionRate": 0)", "VisionRate' is 0, out of range: from 1 to 125");
   refused(R"("VisionLatency": 2)", "VisionLatency' is 2, out of range: from 0 to 1");
   refused(R"("VisionCamera": "a", "Cameras": {"a": {"CaptureSettings": [{"Width": 32}]}})",
-          "VisionCamera' its images are too small for odometry");
+          "VisionCamera' its images are too small");
   const auto read_ardupilot = [] {
     read_settings(R"({"Vehicles": {"A": {"VehicleType": "ArduCopter", "VisionOdometry": "FromPictures"}}})", "s");
   };

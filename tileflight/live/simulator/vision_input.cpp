@@ -26,7 +26,7 @@ constexpr double kGyroscopeBias_rad_s = 0.005, kAccelerometerBias_m_s2 = 0.05;
 constexpr double kMounting_rad = 0.001;
 /// Least noise that an estimator assumes, so that its weights stay finite.
 constexpr double kLeastDensity = 1e-6;
-constexpr std::uint8_t kLocalFrd = 20;  ///< MAV_FRAME_LOCAL_FRD
+constexpr std::uint8_t kLocalNed = 1, kLocalFrd = 20;  ///< MAV_FRAME_LOCAL_NED, MAV_FRAME_LOCAL_FRD
 
 /// Converts axes x forward, y left, z up to x forward, y right, z down; its own inverse.
 const Vec3 kDownwards(1.0, -1.0, -1.0);
@@ -94,7 +94,7 @@ inertial::ImuModel imu_model(const ImuSettings& settings, double interval_s, con
 }
 
 autopilot::Odometry vision_message(const odometry::MetricEstimate& estimate, std::uint64_t time_us, int resets,
-                                   double sigma_rate_rad_s) {
+                                   double sigma_rate_rad_s, VisionSource source) {
   const Eigen::Quaterniond& R_up_body = estimate.T_world_imu.rotation;
   const Eigen::Quaterniond R_down_body = Eigen::Quaterniond(0, 1, 0, 0) * R_up_body;
   const Mat3 R_body_up = R_up_body.conjugate().toRotationMatrix();
@@ -109,14 +109,15 @@ autopilot::Odometry vision_message(const odometry::MetricEstimate& estimate, std
       upper_triangle(turned(estimate.position_covariance_m2), turned(estimate.rotation_covariance_rad2));
   message.velocity_covariance = upper_triangle(R_body_up * estimate.velocity_covariance_m2_s2 * R_body_up.transpose(),
                                                sigma_rate_rad_s * sigma_rate_rad_s * Mat3::Identity());
-  message.frame = kLocalFrd;
+  message.frame = source == VisionSource::kPlace ? kLocalNed : kLocalFrd;
   message.resets = static_cast<std::uint8_t>(resets);
   message.quality =
       static_cast<std::int8_t>(std::clamp(std::lround(100.0 * (1.0 - estimate.saturated_share)), 1L, 100L));
   return message;
 }
 
-VisionInput::VisionInput(const VehicleSettings& vehicle, double step_s, SimulatorLog log)
+VisionInput::VisionInput(const VehicleSettings& vehicle, double step_s, std::shared_ptr<WorkingSet> tiles,
+                         SimulatorLog log)
     : settings_(vehicle.autopilot->vision),
       vehicle_(vehicle.name),
       log_(std::move(log)),
@@ -125,53 +126,66 @@ VisionInput::VisionInput(const VehicleSettings& vehicle, double step_s, Simulato
       sigma_rate_rad_s_(imu_.noise.gyroscope_noise_density / std::sqrt(step_s)),
       exposure_steps_(whole_steps(1.0 / settings_.rate_hz, step_s)),
       latency_steps_(whole_steps(settings_.latency_s, step_s)),
-      odometry_(make_odometry()) {}
+      tiles_(std::move(tiles)),
+      estimator_(make_estimator()) {}
 
-odometry::MetricOdometry VisionInput::make_odometry() const {
+VisionInput::Estimator VisionInput::make_estimator() const {
+  if (tiles_) return PlaceVision(tiles_, calibration_.camera, imu_);
   odometry::MetricOdometryOptions options;
   options.imu = imu_;
-  return {calibration_, options};
+  return odometry::MetricOdometry(calibration_, options);
 }
 
 void VisionInput::restart() {
-  odometry_ = make_odometry();
+  estimator_ = make_estimator();
   waiting_.clear();
+  latest_.reset();
   first_us_.reset();
-  was_metric_ = false;
+  was_known_ = false;
 }
 
 void VisionInput::add_reading(const autopilot::HilSensor& reading) {
-  odometry_.add_reading(
-      {1e-6 * static_cast<double>(reading.time_us), vector(reading.gyro_rad_s), vector(reading.accelerometer_m_s2)});
+  const geometry::ImuSample sample{1e-6 * static_cast<double>(reading.time_us), vector(reading.gyro_rad_s),
+                                   vector(reading.accelerometer_m_s2)};
+  std::visit([&](auto& estimator) { estimator.add_reading(sample); }, estimator_);
 }
 
-void VisionInput::add_picture(imaging::RgbImage picture, std::uint64_t step, std::uint64_t time_us) {
+void VisionInput::add_picture(imaging::RgbImage picture, std::uint64_t step, std::uint64_t time_us,
+                              const SE3& T_local_body) {
   if (!first_us_) first_us_ = time_us;
+  if (auto* place = std::get_if<PlaceVision>(&estimator_); place != nullptr && !place->is_started())
+    place->start(T_local_body);
   odometry::MetricResult result;
   try {
-    result = odometry_.add(std::move(picture), 1e-6 * static_cast<double>(time_us));
+    const double time_s = 1e-6 * static_cast<double>(time_us);
+    result = std::visit([&](auto& estimator) { return estimator.add(std::move(picture), time_s); }, estimator_);
   } catch (const InputError& error) {  // a client has changed the size of its pictures
     result = {odometry::MetricStatus::kNotAligned, {}, error.what()};
   }
+  latest_ = result.estimate;
   tell(result, 1e-6 * static_cast<double>(time_us - *first_us_));
+  const int resets = std::visit([](const auto& estimator) { return estimator.restarts(); }, estimator_);
   if (result.estimate)
     waiting_.emplace_back(step + latency_steps_,
-                          vision_message(*result.estimate, time_us, odometry_.restarts(), sigma_rate_rad_s_));
+                          vision_message(*result.estimate, time_us, resets, sigma_rate_rad_s_, settings_.source));
 }
 
-/// A line when it begins to be metric, and when it is lost.
+/// A line when the pose begins to be known, and when it is lost.
 void VisionInput::tell(const odometry::MetricResult& result, double time_s) {
   const bool is_lost = result.status == odometry::MetricStatus::kLost;
-  const bool begins = result.estimate && !was_metric_;
-  if (log_ && (begins || (is_lost && was_metric_))) {
+  const bool begins = result.estimate && !was_known_;
+  if (log_ && (begins || (is_lost && was_known_))) {
     const std::string when = base::rounded_text(time_s, 1) + " s after its start";
-    log_("vehicle '" + vehicle_ + "': its vision, camera " + settings_.camera + ", " +
-         (begins ? "is metric " + when + ", scale to " +
-                       base::rounded_text(100.0 * result.estimate->sigma_log_scale, 1) + " %"
-                 : "is lost " + when + " (" + result.reason + "); ODOMETRY stops until a new map is metric"));
+    const std::string begun =
+        tiles_ ? "is located in the place " + when
+               : "is metric " + when + ", scale to " +
+                     base::rounded_text(result.estimate ? 100.0 * result.estimate->sigma_log_scale : 0.0, 1) + " %";
+    const std::string lost = "is lost " + when + " (" + result.reason + "); ODOMETRY stops until " +
+                             (tiles_ ? "it is located again" : "a new map is metric");
+    log_("vehicle '" + vehicle_ + "': its vision, camera " + settings_.camera + ", " + (begins ? begun : lost));
   }
-  if (begins) was_metric_ = true;
-  if (is_lost) was_metric_ = false;
+  if (begins) was_known_ = true;
+  if (is_lost) was_known_ = false;
 }
 
 std::optional<autopilot::Odometry> VisionInput::message_at(std::uint64_t step) {

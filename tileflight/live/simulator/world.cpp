@@ -220,9 +220,27 @@ void World::add_vehicle(VehicleSettings vehicle, const SE3& home) {
       std::make_unique<SimVehicle>(std::move(vehicle), T_local_ned, obstacle_query(), enu_from_ned(wind_ned_m_s));
   added->vehicle->set_home(home);
   const VehicleSettings& own = added->vehicle->settings();
-  if (own.autopilot && own.autopilot->vision.source == VisionSource::kPictures)
-    added->vision = std::make_unique<VisionInput>(own, kPx4Step_s, log);
+  if (own.autopilot && own.autopilot->vision.uses_camera())
+    added->vision = std::make_unique<VisionInput>(own, kPx4Step_s, vision_tiles(own), log);
   vehicles.push_back(std::move(added));
+}
+
+std::shared_ptr<WorkingSet> World::vision_tiles(const VehicleSettings& vehicle) const {
+  const VisionSettings& vision = vehicle.autopilot->vision;
+  if (vision.source != VisionSource::kPlace) return nullptr;
+  const auto& frame = working_set.local_frame();
+  if (vision.place.empty() && options.source.empty())
+    throw InputError("VisionPlace", "the place was not read from tiles: name the tiles to locate pictures in");
+  SimulatorOptions tiles{.source = vision.place.empty() ? options.source : vision.place, .load = options.load};
+  if (frame) tiles.load.origin = frame->origin();
+  tiles.residency = options.residency;
+  tiles.max_memory_bytes = options.max_memory_bytes / 2;
+  tiles.max_distance_m = options.max_distance_m;
+  auto working = std::make_shared<WorkingSet>(tiles, log, Progress{});
+  if (working->local_frame().has_value() != frame.has_value())
+    throw InputError("VisionPlace", tiles.source + (frame ? " is not georeferenced, the place that is flown over is"
+                                                          : " is georeferenced, the place that is flown over is not"));
+  return working;
 }
 
 /// Called with the mutex held: in steps and by commands.

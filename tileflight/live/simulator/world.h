@@ -52,13 +52,21 @@ class ClientFileAccess {
 
 inline constexpr double kHistory_s = 0.5;  ///< length of each vehicle's history of states
 
+/// Where a vehicle has located itself: in a world at its start with axes north, west, up.
+struct VehicleLocation {
+  std::uint64_t time_ns = 0;  ///< of the image
+  odometry::MetricEstimate estimate;
+  geometry::SE3 T_local_world;
+};
+
 /// A vehicle with its state history and sensor noise.
 struct VehicleSlot {
   std::unique_ptr<SimVehicle> vehicle;
   StateHistory history;
   SensorNoises sensor_noises;
-  SensorNoises view_noises;             ///< for Viewer::imu()
-  std::unique_ptr<VisionInput> vision;  ///< null without vision from images; used by the autopilot's thread
+  SensorNoises view_noises;                 ///< for Viewer::imu()
+  std::unique_ptr<VisionInput> vision;      ///< null without vision from images; used by the autopilot's thread
+  std::optional<VehicleLocation> location;  ///< latest, of a vehicle that locates itself in tiles
 };
 
 /// Time of day and weather, as clients set them.
@@ -165,6 +173,8 @@ struct World {
   void set_frames();
   void add_vehicle(VehicleSettings vehicle, const geometry::SE3& T_ned_home);
   geometry::SE3 find_home_pose(const VehicleSettings& vehicle) const;
+  /// Opens the tiles in which a vehicle locates its pictures; null: it does not.
+  std::shared_ptr<WorkingSet> vision_tiles(const VehicleSettings& vehicle) const;
   vehicle::ObstacleQuery obstacle_query();
   SimulationClock::Hooks clock_hooks();
   void open_autopilot_ports();
