@@ -59,6 +59,7 @@ struct Localizer::Impl {
   double noise2 = 1.0;                        ///< squared error of located poses over what their covariances state
   double nearest_chi2 = 0.0;                  ///< of the present image's results, the one that deviates least; 0: none
   bool is_trusted = false;                    ///< images of late confirm each other
+  bool was_trusted = false;                   ///< at any time since the start
   std::optional<Vec3> last_offset;            ///< of the image found last from the prediction, where it is not trusted
   double last_sigma_m = 0.0;                  ///< of it
   int confirmations = 0;                      ///< images in a row with that offset
@@ -182,7 +183,7 @@ struct Localizer::Impl {
   /// longer they do not, the farther from it the camera is searched.
   Mat6 expected_covariance() const {
     Mat6 expected = covariance.topLeftCorner<6, 6>();
-    if (is_trusted || !options.imu) return expected;
+    if (is_trusted || !was_trusted || !options.imu) return expected;
     constexpr double kMeters = 0.1, kRadians = 0.01;  // for each image
     const auto n = static_cast<double>(missed);
     Vec6 spread;
@@ -208,7 +209,7 @@ struct Localizer::Impl {
   /// Takes a result, or waits until others confirm it. An image that shows little, as above the ground, may be found in
   /// a wrong place; then the next ones are found elsewhere, relative to the motion that the readings tell.
   bool accept(const LocalizationResult& found, double dt_s) {
-    constexpr int kConfirmations = 2;
+    constexpr int kConfirmations = 4;
     if (is_trusted || !options.imu) {
       update(found);
       return true;
@@ -223,14 +224,15 @@ struct Localizer::Impl {
     last_offset = offset;
     last_sigma_m = sigma_m;
     if (confirmations < kConfirmations) return false;
-    // What was believed before may have been wrong, the velocity, too.
-    constexpr double kVelocity_m_s = 0.5;
-    covariance.topLeftCorner<6, 6>() = expected_covariance();
-    covariance.topRightCorner<6, 6>().setZero();
-    covariance.bottomLeftCorner<6, 6>().setZero();
-    covariance.block<3, 3>(6, 6) += kVelocity_m_s * kVelocity_m_s * geometry::Mat3::Identity();
+    if (was_trusted) {  // what was believed before may have been wrong, the velocity, too
+      constexpr double kVelocity_m_s = 0.5;
+      covariance.topLeftCorner<6, 6>() = expected_covariance();
+      covariance.topRightCorner<6, 6>().setZero();
+      covariance.bottomLeftCorner<6, 6>().setZero();
+      covariance.block<3, 3>(6, 6) += kVelocity_m_s * kVelocity_m_s * geometry::Mat3::Identity();
+    }
     update(found);
-    is_trusted = true;
+    is_trusted = was_trusted = true;
     return true;
   }
 
@@ -324,10 +326,10 @@ void Localizer::start(const SE3& T_local_camera, double time_s, double sigma_m, 
   my.missed = 0;
   my.noise2 = 1.0;
   my.nearest_chi2 = 0.0;
-  my.is_trusted = false;
   my.last_offset.reset();
   my.confirmations = 0;
   my.is_at_rest = my.options.imu && my.options.starts_at_rest;
+  my.is_trusted = my.was_trusted = !my.is_at_rest;
   if (my.is_at_rest) {
     constexpr double kStill = 0.05;  // m/s, rad/s
     my.covariance.bottomRightCorner<6, 6>() = kStill * kStill * Mat6::Identity();

@@ -115,7 +115,7 @@ TEST_F(InertialFlight, ReadingsCarryTheCameraThroughImagesThatShowNothing) {
   for (int k = 0; k < 30; ++k) {
     const bool is_blind = k >= 15 && k < 22;
     live = add(is_blind ? nothing : picture(0.1 * k), 0.1 * k);
-    EXPECT_EQ(live.located, !is_blind && k >= 2) << k << ": the third image confirms the first two";
+    EXPECT_EQ(live.located, !is_blind) << k;
     if (k < 5) continue;  // until then the velocity is unknown
     EXPECT_LT(error_m(live, 0.1 * k), is_blind ? 0.15 : 0.05) << k;
     EXPECT_FALSE(live.lost) << k;
@@ -143,8 +143,7 @@ TEST_F(InertialFlight, ACameraThatStandsOnTheGroundIsNotSearched) {
   EXPECT_FALSE(live.lost);
   EXPECT_EQ((live.T_local_camera.translation - start.translation).norm(), 0.0);
   stand(0.105, 0.241, 1.0);
-  EXPECT_FALSE(localizer.add(picture(0.0), 0.2).located);
-  EXPECT_FALSE(localizer.add(picture(0.0), 0.22).located);
+  for (const double t : {0.2, 0.21, 0.22, 0.23}) EXPECT_FALSE(localizer.add(picture(0.0), t).located);
   EXPECT_TRUE(localizer.add(picture(0.0), 0.24).located);
 }
 

@@ -48,7 +48,9 @@ std::optional<double> find_repetition(const StartRefiner& follower, const alignm
     if (!best_closely) best_closely = follower.check_pictures(here_closely, kPictures, PictureDetail::kFine);
     Sim3 end_closely = end;
     const auto there = follower.check_pictures(end_closely, kPictures, PictureDetail::kFine);
-    if (!best_closely || !there || there->inliers < there->tried) continue;
+    constexpr double kNearlyAll = 0.9;
+    if (!best_closely || !there || static_cast<double>(there->inliers) < kNearlyAll * static_cast<double>(there->tried))
+      continue;
     const double apart_m = alignment::rms_motion_m(here_closely, end_closely, spread);
     if (apart_m > least_apart_m && there->correlation > best_closely->correlation - kEqual) return apart_m;
   }

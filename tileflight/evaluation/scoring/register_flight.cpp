@@ -48,7 +48,7 @@ class PictureFinder {
         fine_(scene, dataset_.calibration.camera, {.narrow_window = kWideWindow}),
         coarse_(scene, fine_.appearance(), dataset_.calibration.camera,
                 {.width = kCoarseWidth, .narrow_window = kWideWindow}),
-        together_(scene, fine_.appearance(), dataset_.calibration.camera, {.width = kWidthTogether}) {
+        along_path_(scene, fine_.appearance(), dataset_.calibration.camera, {.width = kWidthAlongPath}) {
     geometry::Trajectory times;
     for (const dataset::Frame& frame : dataset_.frames) times.poses.push_back({frame.time_s, SE3()});
     constexpr double kSameTime_s = 1e-3;
@@ -57,16 +57,18 @@ class PictureFinder {
 
   /// Localizes `pictures` images, evenly chosen along the path, each starting from its pose by the transform. Those
   /// that are not found are tried again from where a neighbour in time was found, so that the drift or breaks of a path
-  /// show. kFine, where the images look different from the place: all images, each from where its neighbour was found,
-  /// fused with the path between them.
+  /// show. kFine: those tell how much the images resemble the place; their poses are those of ten times as many images,
+  /// each from where its neighbour was found, fused with the path between them, as by `localize`.
   registration::LocatedPictures operator()(const Sim3& T_local_map, std::size_t pictures,
                                            registration::PictureDetail detail) const {
     if (detail == registration::PictureDetail::kCoarse) return locate_each(coarse_, T_local_map, pictures);
     registration::LocatedPictures each = locate_each(fine_, T_local_map, pictures);
-    if (!look_different(each)) return each;
-    registration::LocatedPictures together = locate_together(T_local_map);
+    registration::LocatedPictures along = locate_along_path(T_local_map, kImagesEach * pictures);
     constexpr double kNearlyAsMany = 0.8;
-    return share_found(together) > kNearlyAsMany * share_found(each) ? together : each;
+    if (share_found(along) <= kNearlyAsMany * share_found(each)) return each;
+    const double correlation = mean_correlation(each);
+    for (registration::LocatedPicture& picture : along.found) picture.correlation = correlation;
+    return along;
   }
 
   /// Appearance of the scene; shared because it holds a copy of all textures.
@@ -74,20 +76,17 @@ class PictureFinder {
 
  private:
   static constexpr int kCoarseWidth = 400;  // pixels: sufficient to recognize the place, at a sixth of the cost
-  static constexpr int kWidthTogether = 640;
+  static constexpr int kWidthAlongPath = 640;
   static constexpr double kWideWindow = localization::LocalizerOptions{}.wide_window;
-
-  /// Tells whether the place's textures have changed, or many images are not found for it.
-  static bool look_different(const registration::LocatedPictures& located) {
-    constexpr double kUnchanged = 0.85, kMost = 0.67;  // as PictureAgreement::textures_differ()
-    double sum = 0.0;
-    for (const registration::LocatedPicture& picture : located.found) sum += picture.correlation;
-    const auto found = static_cast<double>(located.found.size());
-    return sum < kUnchanged * found || found < kMost * static_cast<double>(located.tried);
-  }
+  static constexpr std::size_t kImagesEach = 10;
 
   static double share_found(const registration::LocatedPictures& located) {
     return static_cast<double>(located.found.size()) / std::max<double>(1.0, static_cast<double>(located.tried));
+  }
+  static double mean_correlation(const registration::LocatedPictures& located) {
+    double sum = 0.0;
+    for (const registration::LocatedPicture& picture : located.found) sum += picture.correlation;
+    return sum / std::max<double>(1.0, static_cast<double>(located.found.size()));
   }
 
   /// Indices into pairs_, evenly spread.
@@ -129,16 +128,15 @@ class PictureFinder {
     return result;
   }
 
-  registration::LocatedPictures locate_together(const Sim3& T) const {
-    constexpr std::size_t kMost = 200;
-    const std::vector<std::size_t> chosen = choose(kMost);
+  registration::LocatedPictures locate_along_path(const Sim3& T, std::size_t images) const {
+    const std::vector<std::size_t> chosen = choose(images);
     localization::FlightImages flight{.has_scale = flight_.has_scale};
     for (const std::size_t pair : chosen) flight.images.push_back(flight_.images[pairs_[pair].second]);
     flight.read = [&](std::size_t k) { return flight_.read(pairs_[chosen[k]].second); };
     registration::LocatedPictures result{.tried = chosen.size(), .along_path = true};
     localization::LocatedFlight located;
     try {
-      located = localization::locate_flight(together_, flight, T);
+      located = localization::locate_flight(along_path_, flight, T);
     } catch (const InputError&) {  // none was found
       return result;
     }
@@ -157,7 +155,7 @@ class PictureFinder {
   geometry::Trajectory path_;
   localization::FlightImages flight_;
   std::vector<std::pair<std::size_t, std::size_t>> pairs_;  ///< pose of the path, frame of the dataset
-  localization::PictureLocalizer fine_, coarse_, together_;
+  localization::PictureLocalizer fine_, coarse_, along_path_;
 };
 
 using alignment::AlignmentStart;

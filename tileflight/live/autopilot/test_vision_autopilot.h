@@ -41,7 +41,11 @@ class VisionEstimator {
     if (then == past_.end()) return;
     const Eigen::Quaterniond q(seen.attitude_wxyz[0], seen.attitude_wxyz[1], seen.attitude_wxyz[2],
                                seen.attitude_wxyz[3]);
-    if (!frame_ || resets_ != seen.resets) begin_frame(*then, q, vector(seen.position_m), seen.resets);
+    constexpr std::uint8_t kLocalNed = 1;
+    if (seen.frame == kLocalNed)
+      frame_ = geometry::SE3();  // from the start, as its own, for a vehicle that heads north there
+    else if (!frame_ || resets_ != seen.resets)
+      begin_frame(*then, q, vector(seen.position_m), seen.resets);
     last_seen_s_ = time_s;
     const Eigen::Quaterniond R = frame_->rotation * q;
     const geometry::Vec3 position_error = *frame_ * vector(seen.position_m) - then->position_m;
