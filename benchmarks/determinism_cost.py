@@ -34,7 +34,7 @@ def stages(tileflight, stadium, folder):
 
     daylight = folder / "daylight.yaml"
     text = (EXAMPLES / "stadium-flight-simulated.yaml").read_text(encoding="utf-8").replace("camera: ", f"camera: {EXAMPLES}/")
-    daylight.write_text("light: {model: sun-and-sky, time: 2024-06-21T18:00:00Z}\n" + text, encoding="utf-8")
+    daylight.write_text("light: {model: sun-and-sky, time: 2024-06-21T18:00:00Z}\n", encoding="utf-8")
     lidar = folder / "lidar.yaml"
     lidar.write_text(text + "sensors:\n  lidar: {pattern: raster, columns: 200, rows: 32, horizontal_fov_deg: 90, vertical_fov_deg: 40, rate_hz: 10}\n  imu: {rate_hz: 200}\n",
                      encoding="utf-8")
@@ -45,7 +45,7 @@ def stages(tileflight, stadium, folder):
     yield render("images", EXAMPLES / "stadium-flight-simulated.yaml", *small, "--max-frames", "100")
     yield render("images, all kinds", EXAMPLES / "stadium-flight-simulated.yaml", *small, "--max-frames", "20", "--outputs", "depth,range,normals,segmentation,flow")
     yield render("images, degraded", EXAMPLES / "stadium-flight-surrogate.yaml", *small, "--max-frames", "20", "--degrade", EXAMPLES / "degrade-dji-o3.yaml")
-    yield render("images, sun and sky", daylight, *small, "--max-frames", "40")
+    yield render("images, sun and sky", EXAMPLES / "stadium-flight-simulated.yaml", *small, "--max-frames", "40", "--degrade", daylight)
     yield render("images, rain", EXAMPLES / "stadium-rain.yaml", "--max-frames", "20")
     yield render("lidar and inertial unit", lidar, *small, "--max-frames", "20")
     yield render("event camera", EXAMPLES / "stadium-events.yaml", "--max-frames", "3")
