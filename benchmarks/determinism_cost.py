@@ -39,7 +39,7 @@ def stages(tileflight, stadium, folder):
     lidar.write_text(text + "sensors:\n  lidar: {pattern: raster, columns: 200, rows: 32, horizontal_fov_deg: 90, vertical_fov_deg: 40, rate_hz: 10}\n  imu: {rate_hz: 200}\n",
                      encoding="utf-8")
     small = ["--resolution", "1024,576"]
-    aligned, truth = folder / "aligned", folder / "truth"
+    aligned, truth = folder / "transform.json", folder / "truth"
     yield "truth (extract)", [tileflight, "extract", stadium / "twin", "--center", "35.310344,-80.740007,205", "--origin", ORIGIN, "--size", "250,250,90",
                               "--voxel", "1", "--out", truth]
     yield render("images", EXAMPLES / "stadium-flight-simulated.yaml", *small, "--max-frames", "100")
@@ -54,7 +54,7 @@ def stages(tileflight, stadium, folder):
     yield "odometry, stereo", [tileflight, "odometry", folder / "stereo rig", "--mode", "stereo", "--out", folder / "stereo"]
     yield "odometry, inertial", [tileflight, "odometry", folder / "stereo rig", "--mode", "inertial", "--out", folder / "inertial"]
     yield "align", [tileflight, "align", folder / "odometry/map.ply", "--to", truth, "--dataset", folder / "images", "--out", aligned]
-    yield "evaluate", [tileflight, "evaluate", aligned / "map.ply", "--truth", truth, "--out", folder / "metrics.json"]
+    yield "evaluate", [tileflight, "evaluate", folder / "odometry", "--truth", truth, "--transform", aligned, "--out", folder / "metrics.json"]
 
 
 def cpu_s(command):
