@@ -207,7 +207,7 @@ std::string transform(const Header& head, const std::string& child_frame_id, con
 
 std::string odometry(const Header& head, const std::string& child_frame_id, const geometry::SE3& T_frame_child,
                      const Velocity& velocity, const OdometryCovariances& covariances) {
-  // Symmetric, so that the order of the elements does not matter.
+  // A covariance is symmetric, so that the order of its elements does not matter.
   const auto elements = [](const Eigen::Matrix<double, 6, 6>& covariance) {
     std::array<double, 36> all;
     std::copy_n(covariance.data(), all.size(), all.begin());

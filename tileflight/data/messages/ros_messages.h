@@ -47,8 +47,8 @@ struct Velocity {
   geometry::Vec3 linear_m_s = geometry::Vec3::Zero();
   geometry::Vec3 angular_rad_s = geometry::Vec3::Zero();
 };
-/// Covariances of a pose (position and rotation about the axes of the header's frame) and of a velocity (axes of the
-/// frame that moves).
+/// Holds the covariances of a pose (position and rotation about the axes of the header's frame) and of a velocity (axes
+/// of the frame that moves).
 struct OdometryCovariances {
   Eigen::Matrix<double, 6, 6> pose = Eigen::Matrix<double, 6, 6>::Zero();
   Eigen::Matrix<double, 6, 6> velocity = Eigen::Matrix<double, 6, 6>::Zero();

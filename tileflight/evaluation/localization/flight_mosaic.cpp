@@ -265,7 +265,9 @@ class MosaicBuilder {
     pictures_.resize(views_.size());
     tbb::parallel_for(std::size_t{0}, views_.size(), [&](std::size_t v) {
       if (std::ranges::find(view_of_block_, static_cast<int>(v)) == view_of_block_.end()) return;
-      pictures_[v] = imaging::to_gray(flight_.picture(views_[v].index));
+      const std::optional<imaging::RgbImage> picture = flight_.picture(views_[v].index);
+      if (!picture) return;  // its blocks stay empty
+      pictures_[v] = imaging::to_gray(*picture);
       if (pictures_[v].width != flight_.camera.width() || pictures_[v].height != flight_.camera.height())
         throw InputError("image " + std::to_string(views_[v].index),
                          "is " + std::to_string(pictures_[v].width) + "x" + std::to_string(pictures_[v].height) +

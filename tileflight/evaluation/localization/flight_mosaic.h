@@ -34,9 +34,9 @@ class HeightModel {
 /// Images and poses of a flight as estimated by odometry, in an arbitrary map frame and unit.
 struct FlightPictures {
   imaging::Camera camera;
-  std::vector<geometry::SE3> T_map_camera;                      ///< of each image
-  std::function<imaging::RgbImage(std::size_t index)> picture;  ///< image for an index of T_map_camera; has the
-                                                                ///< camera's size
+  std::vector<geometry::SE3> T_map_camera;  ///< of each image
+  /// Image for an index of T_map_camera, of the camera's size; nullopt if it cannot be decoded.
+  std::function<std::optional<imaging::RgbImage>(std::size_t index)> picture;
 };
 
 struct MosaicOptions {

@@ -98,6 +98,23 @@ TEST(FlightMosaic, APictureOfAnotherSizeIsAnError) {
               ThrowsMessage<InputError>(HasSubstr("is 20x10, the calibration is for")));
 }
 
+TEST(FlightMosaic, APictureThatCannotBeDecodedLeavesItsBlocksEmpty) {
+  const test_places::Hills place(1);
+  const test_places::Flight flight(place, 0.0);
+  FlightPictures pictures = flight.pictures();
+  const auto count = [&] {
+    const GroundImage mosaic = build_flight_mosaic(pictures, flight.points, Mat3::Identity());
+    return std::ranges::count(mosaic.seen.pixels, 255);
+  };
+  const auto all = count();
+  const auto decode = pictures.picture;
+  pictures.picture = [&](std::size_t k) { return k == 0 ? std::nullopt : decode(k); };
+  EXPECT_LE(count(), all);
+  pictures.picture = [](std::size_t) { return std::nullopt; };
+  EXPECT_EQ(count(), 0);
+  EXPECT_GT(all, 0);
+}
+
 TEST(FlightMosaic, ThreadsDoNotMatter) {
   const test_places::Hills place(1);
   const test_places::Flight flight(place, 0.4);

@@ -77,7 +77,7 @@ struct Localizer::Impl {
     });
   }
 
-  /// Velocity of the unit, local frame. It turns with the camera at the end of an arm.
+  /// Returns the velocity of the unit, local frame, which turns with the camera at the end of an arm.
   Vec3 unit_velocity() const {
     const Vec3 arm = options.imu->T_imu_camera.inverse().translation;  // in the camera's axes
     return pose.rotation * (velocity.head<3>() + velocity.tail<3>().cross(arm));
@@ -179,8 +179,8 @@ struct Localizer::Impl {
     missed = 0;
   }
 
-  /// Covariance of the expected pose. A pose that images no longer confirm may have been wrong from the beginning: the
-  /// longer they do not, the farther from it the camera is searched.
+  /// Returns the covariance of the expected pose. A pose that images no longer confirm may have been wrong from the
+  /// beginning: the longer they do not, the farther from it the camera is searched.
   Mat6 expected_covariance() const {
     Mat6 expected = covariance.topLeftCorner<6, 6>();
     if (is_trusted || !was_trusted || !options.imu) return expected;

@@ -19,10 +19,10 @@ struct LiveOptions {
   double motion_sigma = 0.02;             ///< sigma of a known motion: this share of it, and 1 cm and 0.1 degrees
   double view_motion = 0.06;              ///< as FlightLocalizerOptions::view_motion
   double lost_sigma_m = 3.0;  ///< sigma of the position, three axes together, beyond which the camera is lost
-  /// Noise and mounting of the camera's inertial unit, for readings (add_reading()); nullopt: there is none.
+  /// States noise and mounting of the inertial unit whose readings come (add_reading()); nullopt: there is none.
   std::optional<inertial::ImuModel> imu{};
-  /// The camera stands still where it is started until the readings say that it moves. On the ground it sees too little
-  /// to be located, and is not searched. With `imu` only.
+  /// Tells that the camera stands still where it is started until the readings say that it moves. On the ground it sees
+  /// too little to be located, and is not searched. Counts with `imu` only.
   bool starts_at_rest = false;
   int guesses = 4;  ///< poses around the expected one that are tried for an image that is not found
                     ///< there; more of them for the next images
@@ -46,9 +46,9 @@ struct LivePose {
 /// Locates the images of a camera in a place one by one, as they come. Between them the camera moves as an inertial
 /// unit or an odometry says, or is assumed to keep its velocity; each image is aligned with a rendering from near its
 /// expected pose. An image that is not found is searched around that pose, a few guesses an image, so that a lost
-/// camera is found again when it comes back to what was expected. With an inertial unit, a camera that was never
-/// located and whose readings are those of rest stays where it was started, as on the ground, where it sees too little
-/// to be located. The result is independent of the number of threads.
+/// camera is found again when it comes back to what was expected. After a start at rest (LiveOptions::starts_at_rest)
+/// and after a loss, five images must agree with the readings before they count. The result is independent of the
+/// number of threads.
 class Localizer {
  public:
   /// The scene must outlive it.

@@ -76,7 +76,7 @@ TEST_F(LiveFlight, AKnownMotionKeepsTheSigmaSmall) {
   EXPECT_LT(error_m(live, 1.9), 0.2);
 }
 
-/// The same flight with an inertial unit beside the camera, whose readings are 5 ms apart.
+/// Flies the same path with an inertial unit beside the camera, whose readings are 5 ms apart.
 class InertialFlight : public LiveFlight {
  protected:
   static SE3 T_imu_camera() {
@@ -89,7 +89,7 @@ class InertialFlight : public LiveFlight {
     options.imu->accelerometer_bias_sigma = 0.05;
     return options;
   }
-  /// Reading of a unit without errors, by differences of its poses.
+  /// Returns the reading of a unit without errors, by differences of its poses.
   static geometry::ImuSample reading(double t) {
     constexpr double kStep_s = 1e-3;
     const auto unit = [&](double time_s) { return pose_at(time_s) * T_imu_camera().inverse(); };

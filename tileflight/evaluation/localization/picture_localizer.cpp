@@ -177,16 +177,16 @@ Mat6 pose_information(const tracking::ImageAlignment& alignment) {
   return pose / variance;
 }
 
-/// Sums over the points that lie in one cell of a grid over the image.
+/// Holds sums over the points that lie in one cell of a grid over the image.
 struct CellSum {
   Eigen::Matrix<double, 8, 1> gradient = Eigen::Matrix<double, 8, 1>::Zero();
   geometry::Vec3 points = geometry::Vec3::Zero();  ///< in the image's camera frame
   double count = 0.0;
 };
 
-/// Contributions of the parts of the image to the pose. Their squares sum up to the covariance by the sandwich of sums
-/// over clusters of pixels (Liang, Zeger, Biometrika 73, 1986): residuals are independent between the cells of a grid
-/// over the image, and of any correlation within one.
+/// Returns what the parts of the image contributed to the pose. Their squares sum up to the covariance by the sandwich
+/// of sums over clusters of pixels (Liang, Zeger, Biometrika 73, 1986): residuals are independent between the cells of
+/// a grid over the image, and of any correlation within one.
 std::vector<registration::PosePart> image_parts(const keyframes::Lens& lens, const tracking::ReferenceLevel& reference,
                                                 const keyframes::PyramidLevel& picture,
                                                 const tracking::ImageAlignment& alignment,

@@ -29,7 +29,8 @@ Sim3 similarity_of(const std::vector<LocatedPose>& poses) {
 
 namespace {
 
-/// Motions about `center` from the similarity of all poses to that without each of `groups` intervals of the path.
+/// Returns the motions about `center` from the similarity of all poses to that without each of `groups` intervals of
+/// the path.
 std::vector<geometry::Vec7> leave_out_intervals(const std::vector<LocatedPose>& poses, std::size_t groups,
                                                 const geometry::Vec3& center) {
   const Sim3 whole = similarity_of(poses);
@@ -43,7 +44,7 @@ std::vector<geometry::Vec7> leave_out_intervals(const std::vector<LocatedPose>& 
   return without;
 }
 
-/// Delete-a-group jackknife.
+/// Returns the covariance by the delete-a-group jackknife.
 Mat7 jackknife_covariance(const std::vector<geometry::Vec7>& without) {
   Mat7 squares = Mat7::Zero();
   for (const geometry::Vec7& motion : without) squares += motion * motion.transpose();
@@ -51,7 +52,7 @@ Mat7 jackknife_covariance(const std::vector<geometry::Vec7>& without) {
   return (n - 1.0) / n * squares;
 }
 
-/// By the second differences of `without`, of which there are three or more.
+/// Returns the covariance by the second differences of `without`, of which there are three or more.
 Mat7 contrast_covariance(const std::vector<geometry::Vec7>& without) {
   Mat7 squares = Mat7::Zero();
   for (std::size_t g = 2; g < without.size(); ++g) {
@@ -70,7 +71,7 @@ geometry::Vec3 mean_position(const std::vector<LocatedPose>& poses) {
 
 using Block = std::array<long, 3>;
 
-/// Side of the blocks of ground: the median size of what a part shows. 0: no pose has parts.
+/// Returns the side of the blocks of ground: the median size of what a part shows. 0: no pose has parts.
 double block_side_m(const std::vector<LocatedPose>& poses) {
   std::vector<double> sizes;
   for (const LocatedPose& pose : poses)

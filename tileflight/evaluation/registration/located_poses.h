@@ -12,9 +12,9 @@ namespace tileflight::registration {
 struct PosePart {
   geometry::Vec3 point_local;  ///< middle of the surface that the part shows, metres
   double size_m = 0.0;         ///< of that surface, seen from the camera
-  /// Motion x of the camera, T_local_camera exp(x), translation (m) first, rotation (rad), by which the part's
-  /// residuals moved the pose; enlarged for the residuals that the pose itself has fitted. Those of all parts nearly
-  /// cancel.
+  /// States the motion x of the camera, T_local_camera exp(x), translation (m) first, rotation (rad), by which the
+  /// part's residuals moved the pose; enlarged for the residuals that the pose itself has fitted. Those of all parts
+  /// nearly cancel.
   geometry::Vec6 motion = geometry::Vec6::Zero();
 };
 
@@ -56,9 +56,9 @@ enum class PathCoverage {
   kParts   ///< parts of it have no located pose
 };
 
-/// Covariance of similarity_of() `poses`, which are in the path's order, as a motion about `center` (target frame),
-/// against the similarity of all poses of the path, located without error. By leaving out one interval of the path at a
-/// time, since neighbours share their errors:
+/// Returns the covariance of similarity_of() `poses`, which are in the path's order, as a motion about `center` (target
+/// frame), against the similarity of all poses of the path, located without error. It leaves out one interval of the
+/// path at a time, since neighbours share their errors:
 ///
 /// - kParts: jackknife (core/alignment/uncertainty.h). A path that bends gives another similarity for each of its
 ///   parts.
@@ -72,10 +72,10 @@ enum class PathCoverage {
 std::optional<Mat7> interval_covariance(const std::vector<LocatedPose>& poses, const geometry::Vec3& center,
                                         const alignment::PointSpread& points, PathCoverage coverage);
 
-/// Covariance of similarity_of() `poses` by what the images show, as a motion about `center`: a place that has changed
-/// pulls all images of the same ground in the same way, which no difference between the poses tells. The contributions
-/// of the images' parts are summed over the blocks of ground that they show, and are independent between blocks (Liang
-/// and Zeger, Biometrika 73, 1986). Zero if the poses have no parts.
+/// Returns the covariance of similarity_of() `poses` by what the images show, as a motion about `center`: a place that
+/// has changed pulls all images of the same ground in the same way, which no difference between the poses tells. The
+/// contributions of the images' parts are summed over the blocks of ground that they show, and are independent between
+/// blocks (Liang and Zeger, Biometrika 73, 1986). Zero if the poses have no parts.
 Mat7 ground_covariance(const std::vector<LocatedPose>& poses, const geometry::Vec3& center);
 
 /// Returns the similarity of located poses with its information: the inverse of the sum of the covariances above, about

@@ -115,7 +115,7 @@ std::vector<LocatedPose> located(const std::vector<LocatedPose>& path, double si
   return some;
 }
 
-/// Displacement of the ground by the errors of the similarity, by the path's intervals.
+/// Returns the displacement of the ground by the errors of the similarity, by the path's intervals.
 double similarity_sigma_m(const std::vector<LocatedPose>& poses, PathCoverage coverage) {
   const SimilarityEstimate estimate = estimate_similarity(poses, ground(), coverage).value();
   return motion_sigma_m(estimate.information.inverse(), estimate.T_target_source, estimate.center, ground());
@@ -170,8 +170,8 @@ TEST(LocatedPosesSigma, IsUnknownForFewPoses) {
   EXPECT_FALSE(estimate_similarity({path[0], path[50], path[99]}, ground(), PathCoverage::kWhole));
 }
 
-/// Poses of cameras at `positions`, 10 m above the ground z = 0, each located by parts of its image on blocks of ground
-/// of 2 m. Each block pulls all images that show it by one random displacement.
+/// Returns poses of cameras at `positions`, 10 m above the ground z = 0, each located by parts of its image on blocks
+/// of ground of 2 m. Each block pulls all images that show it by one random displacement.
 std::vector<LocatedPose> located_by_ground(const std::vector<Vec3>& positions, unsigned seed) {
   constexpr int kHalf = 3;
   constexpr double kSide_m = 2.0, kSigma_m = 0.1;
@@ -202,7 +202,7 @@ std::vector<LocatedPose> located_by_ground(const std::vector<Vec3>& positions, u
   return poses;
 }
 
-/// Ratio of stated to true error (RMS over samples) of the similarity of poses that ground has pulled.
+/// Returns the ratio of stated to true error (RMS over samples) of the similarity of poses that ground has pulled.
 double ground_calibration(const std::vector<Vec3>& positions) {
   constexpr int kSamples = 200;
   double errors = 0.0, sigmas = 0.0;

@@ -87,7 +87,7 @@ struct RegistrationOptions {
   std::size_t fine_points = 60000;   ///< map points used for the final fit
   std::vector<double> coarse_radii_m = {8.0, 4.0, 2.0, 1.0};
   std::size_t coarse_pictures = 8;  ///< images used to compare starts
-  std::size_t fine_pictures = 20;   ///< images used for the final fit
+  std::size_t fine_pictures = 20;   ///< images whose resemblance counts; ten times as many are used for the final fit
   double max_scale_change = 1.3;    ///< largest change of scale from the start
   alignment::ScaleMode scale = alignment::ScaleMode::kEstimated;
   std::vector<geometry::Box3> regions{};  ///< for the final fit: only points inside any of these; none: all points over

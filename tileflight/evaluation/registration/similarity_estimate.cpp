@@ -41,8 +41,8 @@ SimilarityEstimate SimilarityEstimate::recentered(const Vec3& new_center) const 
 }
 
 double motion_sigma_m(const Mat7& covariance, const Sim3& T, const Vec3& center, const alignment::PointSpread& points) {
-  // Of the mean and the second moment of the moved points about the centre; a motion moves a point x by t + w x x + s
-  // x.
+  // A motion (t, w, s) moves a point by t + w x p + s p, where p is its place relative to the centre. The mean square
+  // of that is linear in the mean and the second moment of p.
   const Vec3 mean = T * points.mean - center;
   const geometry::Mat3 spread = points.second_moment - points.mean * points.mean.transpose();
   const geometry::Mat3 R = T.rotation.toRotationMatrix();

@@ -27,8 +27,8 @@ struct SimilarityEstimate {
   SimilarityEstimate recentered(const geometry::Vec3& new_center) const;
 };
 
-/// Standard deviation of the points by the covariance of a motion of `T` about `center` (target frame): metres, RMS
-/// over points and noise. `points`: in the source frame.
+/// Returns the standard deviation of the points by the covariance of a motion of `T` about `center` (target frame):
+/// metres, RMS over points and noise. `points`: in the source frame.
 double motion_sigma_m(const Mat7& covariance, const geometry::Sim3& T, const geometry::Vec3& center,
                       const alignment::PointSpread& points);
 

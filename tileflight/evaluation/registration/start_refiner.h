@@ -43,7 +43,7 @@ class StartRefiner {
   /// Fits a start to the surface and computes its ray agreement. Does not compare its images.
   Candidate refine(const Start& start) const;
 
-  /// Agreement of the images with `T`, which is moved to the fit of the located poses.
+  /// Compares the images with `T`, which is moved to the fit of the located poses.
   std::optional<PictureAgreement> check_pictures(geometry::Sim3& T, std::size_t pictures,
                                                  PictureDetail detail = PictureDetail::kCoarse) const;
 

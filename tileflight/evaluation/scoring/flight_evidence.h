@@ -6,8 +6,10 @@
 #include "tileflight/core/geometry/point_cloud.h"
 #include "tileflight/core/geometry/trajectory.h"
 #include "tileflight/data/dataset/dataset.h"
+#include "tileflight/evaluation/localization/flight_localizer.h"
 #include "tileflight/evaluation/localization/place_recognition.h"
 #include "tileflight/evaluation/registration/telemetry_estimate.h"
+#include "tileflight/evaluation/scoring/map_inputs.h"
 
 namespace tileflight::scoring {
 
@@ -23,5 +25,9 @@ std::optional<registration::UpDirection> up_from_imu(const dataset::Dataset& dat
 localization::FlightEvidence make_flight_evidence(const dataset::Dataset& dataset, const geometry::Trajectory& path,
                                                   const geometry::PointCloud& map,
                                                   const std::optional<registration::UpDirection>& up = std::nullopt);
+
+/// Returns the dataset's images with the odometry's poses and their sigmas, for localization::locate_flight(). The
+/// dataset must outlive the result. Throws InputError for an unreadable trajectory or quality.csv.
+localization::FlightImages flight_images(const dataset::Dataset& dataset, const MapInputs& map);
 
 }  // namespace tileflight::scoring

@@ -54,6 +54,20 @@ TEST(FlightEvidence, HasThePicturesThatHaveAPose) {
               ThrowsMessage<InputError>(HasSubstr("absent.png: cannot be opened")));  // only now is the file read
 }
 
+TEST(FlightEvidence, APictureThatCannotBeDecodedIsLeftOut) {
+  const tests::TemporaryFolder folder;
+  base::write_file(folder / "torn.jpg", "\xff\xd8\xff\xe0");
+  dataset::Dataset dataset = frames_at({0.0, 0.5, 1.0});
+  dataset.frames[1].image = folder / "torn.jpg";
+  const auto evidence = make_flight_evidence(dataset, path_of(4, 0.1), ground());
+  EXPECT_EQ(evidence.pictures.picture(1), std::nullopt);
+  geometry::write_tum(folder / "trajectory.txt", path_of(4, 0.1));
+  const localization::FlightImages images =
+      flight_images(dataset, {.map = folder.path(), .trajectory = folder / "trajectory.txt"});
+  EXPECT_EQ(images.read(1), std::nullopt);
+  EXPECT_THAT([&] { images.read(0); }, ThrowsMessage<InputError>(HasSubstr("absent.png: cannot be opened")));
+}
+
 TEST(FlightEvidence, UpIsGivenElseThePathsElseAcrossTheGround) {
   const dataset::Dataset dataset = frames_at({0.0, 0.5, 1.0, 1.5, 2.0});
   const auto given = make_flight_evidence(dataset, path_of(5, 0.3), ground(),

@@ -18,7 +18,7 @@
 #include "tileflight/evaluation/localization/picture_localizer.h"
 #include "tileflight/evaluation/scoring/align_stage.h"
 #include "tileflight/evaluation/scoring/align_target.h"
-#include "tileflight/evaluation/scoring/flight_images.h"
+#include "tileflight/evaluation/scoring/flight_evidence.h"
 #include "tileflight/evaluation/scoring/map_inputs.h"
 #include "tileflight/evaluation/scoring/warnings.h"
 #include "tileflight/world/place/extract.h"

@@ -17,14 +17,12 @@
 #include "tileflight/core/base/input_error.h"
 #include "tileflight/core/base/order_statistics.h"
 #include "tileflight/core/base/warning.h"
-#include "tileflight/core/imaging/image_files.h"
 #include "tileflight/data/dataset/dataset.h"
 #include "tileflight/data/dataset/sensor_files.h"
 #include "tileflight/evaluation/localization/flight_localizer.h"
 #include "tileflight/evaluation/localization/picture_localizer.h"
 #include "tileflight/evaluation/registration/register_map.h"
 #include "tileflight/evaluation/scoring/flight_evidence.h"
-#include "tileflight/evaluation/scoring/flight_images.h"
 #include "tileflight/evaluation/scoring/warnings.h"
 #include "tileflight/world/scene/scene.h"
 
@@ -97,9 +95,7 @@ class PictureFinder {
     return chosen;
   }
   const SE3& path_pose(std::size_t pair) const { return path_.poses[pairs_[pair].first].T_local_camera; }
-  imaging::RgbImage image(std::size_t pair) const {
-    return imaging::read_rgb(dataset_.frames[pairs_[pair].second].image);
-  }
+  std::optional<imaging::RgbImage> image(std::size_t pair) const { return flight_.read(pairs_[pair].second); }
 
   registration::LocatedPictures locate_each(const localization::PictureLocalizer& localizer, const Sim3& T,
                                             std::size_t pictures) const {
@@ -107,7 +103,8 @@ class PictureFinder {
     const std::size_t n = chosen.size();
     std::vector<std::optional<registration::LocatedPicture>> found(n);
     const auto locate = [&](std::size_t k, const SE3& guess) {
-      const auto located = localizer.locate(image(chosen[k]), guess);
+      const std::optional<imaging::RgbImage> picture = image(chosen[k]);
+      const auto located = picture ? localizer.locate(*picture, guess) : std::nullopt;
       if (!located) return;
       found[k] = registration::LocatedPicture{pairs_[chosen[k]].first,
                                               {path_pose(chosen[k]), located->T_local_camera, located->information},
@@ -132,7 +129,7 @@ class PictureFinder {
     const std::vector<std::size_t> chosen = choose(images);
     localization::FlightImages flight{.has_scale = flight_.has_scale};
     for (const std::size_t pair : chosen) flight.images.push_back(flight_.images[pairs_[pair].second]);
-    flight.read = [&](std::size_t k) { return flight_.read(pairs_[chosen[k]].second); };
+    flight.read = [&](std::size_t k) { return image(chosen[k]); };
     registration::LocatedPictures result{.tried = chosen.size(), .along_path = true};
     localization::LocatedFlight located;
     try {

@@ -72,11 +72,10 @@ odometry::MetricResult PlaceVision::add(const imaging::RgbImage& image, double t
     is_lost_ = false;
     return {odometry::MetricStatus::kMetric, estimate(pose, time_s), {}};
   }
-  if (!was_located_) return {odometry::MetricStatus::kStarting, {}, "no image was located in the place yet"};
   is_lost_ = is_lost_ || pose.lost;
-  return {is_lost_ ? odometry::MetricStatus::kLost : odometry::MetricStatus::kNotAligned,
-          {},
-          "the images do not match the place where the vehicle is expected"};
+  if (is_lost_)
+    return {odometry::MetricStatus::kLost, {}, "the images do not match the tiles where the vehicle is expected"};
+  return {was_located_ ? odometry::MetricStatus::kNotAligned : odometry::MetricStatus::kStarting, {}, {}};
 }
 
 odometry::MetricEstimate PlaceVision::estimate(const localization::LivePose& pose, double time_s) const {

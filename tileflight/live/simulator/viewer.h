@@ -29,7 +29,7 @@ struct ObservedLidar {
   geometry::SE3 T_body_lidar;
 };
 
-/// Pose that a vehicle has located itself in, in tiles of the place (live/simulator/place_vision.h).
+/// Holds where a vehicle has located itself, in tiles of the place (live/simulator/place_vision.h).
 struct ObservedLocation {
   std::uint64_t time_ns = 0;  ///< of the image
   geometry::SE3 T_local_body;

@@ -136,7 +136,7 @@ TEST(VisionFlight, ASquareOverTheStadiumWithoutAReceiver) {
   RecordProperty("worst_sigmas", std::to_string(path.worst_sigmas));
 }
 
-/// The camera sees the stadium in the low sun, and locates itself in tiles without light and shadows.
+/// The camera sees the stadium in the low sun, and is located in tiles without light and shadows.
 TEST(VisionFlight, ASquareOverTheStadiumByItsTilesWithoutAReceiver) {
   const auto folder = base::make_temporary_path(std::filesystem::temp_directory_path() / "tileflight-stadium");
   const base::RemovedOnExit removal(folder);
@@ -193,6 +193,30 @@ TEST(VisionFlight, ASquareOverTheStadiumByItsTilesWithoutAReceiver) {
   RecordProperty("worst_m", std::to_string(worst_m));
   RecordProperty("ratio", std::to_string(ratios / high));
   RecordProperty("velocity_error_m_s", std::to_string(std::sqrt(velocity2 / count)));
+}
+
+/// The camera looks at the sky, which no tiles show.
+TEST(VisionFlight, TilesInWhichNoPictureIsFoundAreTold) {
+  const auto folder = base::make_temporary_path(std::filesystem::temp_directory_path() / "tileflight-stadium");
+  const base::RemovedOnExit removal(folder);
+  demo_place::write_stadium(folder, {.seed = 1, .texture_scale = 0.15, .twin = false});
+  LoggedLines lines;
+  SimulatorOptions options;
+  options.source = (folder / "world" / "tileset.json").string();
+  auto settings = nlohmann::json::parse(kWithoutReceiver);
+  settings["Vehicles"]["PX4"].update({{"VisionOdometry", "FromPlace"}, {"VisionPlace", options.source}});
+  options.settings = settings.dump();
+  Simulator simulator(options, lines.log());
+  simulator.cameras().set_camera_pose("bottom_center", {{}, {std::sqrt(0.5F), 0.0F, std::sqrt(0.5F), 0.0F}}, "PX4",
+                                      false);
+  VisionPx4 px4(port_of(simulator), {{0, 0, -5}, {5, 0, -5}, {0, 0, -5}, {5, 0, -5}});
+  while (lines.count("is lost") == 0 && px4.time_s() < 40.0) ASSERT_TRUE(px4.round());
+  EXPECT_EQ(lines.count("ODOMETRY stops until it is located again"), 1U);
+  EXPECT_EQ(lines.count("is located in the place"), 0U);
+  const double told_s = px4.time_s();
+  while (px4.time_s() < told_s + 2.0) ASSERT_TRUE(px4.round());
+  EXPECT_EQ(lines.count("is lost"), 1U);
+  EXPECT_TRUE(px4.ears().odometries.empty());
 }
 
 /// Flown twice for as long as it takes until some messages have come; then the camera looks at the sky.

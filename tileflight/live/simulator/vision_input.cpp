@@ -141,7 +141,7 @@ void VisionInput::restart() {
   waiting_.clear();
   latest_.reset();
   first_us_.reset();
-  was_known_ = false;
+  was_known_ = told_lost_ = false;
 }
 
 void VisionInput::add_reading(const autopilot::HilSensor& reading) {
@@ -170,11 +170,13 @@ void VisionInput::add_picture(imaging::RgbImage picture, std::uint64_t step, std
                           vision_message(*result.estimate, time_us, resets, sigma_rate_rad_s_, settings_.source));
 }
 
-/// A line when the pose begins to be known, and when it is lost.
+/// Logs a line when the pose begins to be known, and when it is lost. Tiles in which no picture is ever found are
+/// named, too.
 void VisionInput::tell(const odometry::MetricResult& result, double time_s) {
   const bool is_lost = result.status == odometry::MetricStatus::kLost;
   const bool begins = result.estimate && !was_known_;
-  if (log_ && (begins || (is_lost && was_known_))) {
+  const bool loses = is_lost && (was_known_ || (tiles_ && !told_lost_));
+  if (log_ && (begins || loses)) {
     const std::string when = base::rounded_text(time_s, 1) + " s after its start";
     const std::string begun =
         tiles_ ? "is located in the place " + when
@@ -186,6 +188,7 @@ void VisionInput::tell(const odometry::MetricResult& result, double time_s) {
   }
   if (begins) was_known_ = true;
   if (is_lost) was_known_ = false;
+  told_lost_ = is_lost || (told_lost_ && !begins);
 }
 
 std::optional<autopilot::Odometry> VisionInput::message_at(std::uint64_t step) {

@@ -27,9 +27,9 @@ inertial::ImuModel imu_model(const ImuSettings& settings, double interval_s, con
 autopilot::Odometry vision_message(const odometry::MetricEstimate& estimate, std::uint64_t time_us, int resets,
                                    double sigma_rate_rad_s, VisionSource source = VisionSource::kPictures);
 
-/// Vision input of a vehicle's autopilot, from the images of one of its cameras and the readings of its inertial unit:
-/// odometry, or localization in tiles of the place. It sees no ground truth but the pose at the start. Times are those
-/// of the messages to the autopilot. For one thread at a time.
+/// Makes the vision input of a vehicle's autopilot from the images of one of its cameras and the readings of its
+/// inertial unit: odometry, or localization in tiles of the place. It sees no ground truth but the pose at the start.
+/// Times are those of the messages to the autopilot. For one thread at a time.
 class VisionInput {
  public:
   /// Uses the vehicle's first inertial unit and the camera that the settings name, which must exist. `step_s`: step of
@@ -74,6 +74,7 @@ class VisionInput {
   std::optional<odometry::MetricEstimate> latest_;
   std::optional<std::uint64_t> first_us_;  ///< of the pictures
   bool was_known_ = false;                 ///< the pose, in the latest images
+  bool told_lost_ = false;                 ///< since the pose was known last
 };
 
 }  // namespace tileflight::simulator

@@ -52,7 +52,7 @@ class ClientFileAccess {
 
 inline constexpr double kHistory_s = 0.5;  ///< length of each vehicle's history of states
 
-/// Where a vehicle has located itself: in a world at its start with axes north, west, up.
+/// Holds where a vehicle has located itself: in a world at its start with axes north, west, up.
 struct VehicleLocation {
   std::uint64_t time_ns = 0;  ///< of the image
   odometry::MetricEstimate estimate;
