@@ -288,7 +288,7 @@ class MosaicBuilder {
         if (!pixel || !(pixel->minCoeff() >= 0.0) || !(pixel->x() < picture.width - 1) ||
             !(pixel->y() < picture.height - 1))
           continue;
-        image_.grey(x, y) = static_cast<std::uint8_t>(bilinear(picture, pixel->x(), pixel->y()) + 0.5F);
+        image_.grey(x, y) = static_cast<std::uint8_t>(std::lround(bilinear(picture, pixel->x(), pixel->y())));
         image_.seen(x, y) = 255;
       }
     }
@@ -310,7 +310,7 @@ GroundImage build_flight_mosaic(const FlightPictures& flight, const std::vector<
   std::vector<View> views = select_views(flight, R_ground_map, options.max_pictures);
   std::vector<Vec3> turned;
   turned.reserve(points.size());
-  for (const Vec3& p : points) turned.push_back(R_ground_map * p);
+  for (const Vec3& p : points) turned.emplace_back(R_ground_map * p);
   const auto extent = find_extent(flight.camera, views, turned, options);
   if (!extent) return {};
   return MosaicBuilder(flight, turned, std::move(views), *extent, options).build();

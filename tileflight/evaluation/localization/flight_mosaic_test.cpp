@@ -16,7 +16,6 @@ namespace {
 
 using geometry::Box3;
 using geometry::Mat3;
-using geometry::SE3;
 using geometry::Vec2;
 using geometry::Vec3;
 using ::testing::HasSubstr;

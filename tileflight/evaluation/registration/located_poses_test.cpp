@@ -108,7 +108,7 @@ std::vector<LocatedPose> located(const std::vector<LocatedPose>& path, double si
       off = sigma_m * Vec3(normal(random), normal(random), normal(random));
       turned = sigma_rad * Vec3(normal(random), normal(random), normal(random));
     }
-    some.push_back(path[static_cast<std::size_t>(k * kPoses / kLocated + 2)]);
+    some.push_back(path[static_cast<std::size_t>(k) * kPoses / kLocated + 2]);
     SE3& found = some.back().T_local_camera;
     found = SE3(found.rotation * Eigen::Quaterniond(geometry::so3_exp(turned)), found.translation + off);
   }

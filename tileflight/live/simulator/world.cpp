@@ -335,13 +335,13 @@ SimCamera& World::camera(const std::string& name, const std::string& vehicle_nam
   throw InputError("camera '" + name.substr(0, 100) + "'", "does not exist; the cameras are: " + known);
 }
 
-SE3 World::T_ned_camera(const SimCamera& camera, const std::string& name, bool external) const {
+SE3 World::T_ned_camera(const SimCamera& camera, const std::string& vehicle_name, bool external) const {
   if (external) return camera.T_body_camera();
-  return slot(name).vehicle->state().T_ned_body * camera.T_body_camera();
+  return slot(vehicle_name).vehicle->state().T_ned_body * camera.T_body_camera();
 }
 
-Vec3 World::ned_origin(const std::string& name, bool external) const {
-  return external ? Vec3(Vec3::Zero()) : slot(name).vehicle->start_ned();
+Vec3 World::ned_origin(const std::string& vehicle_name, bool external) const {
+  return external ? Vec3(Vec3::Zero()) : slot(vehicle_name).vehicle->start_ned();
 }
 
 std::vector<SensorViewpoint> World::viewpoints() const {

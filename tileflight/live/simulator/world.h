@@ -185,10 +185,10 @@ struct World {
   // Lookups; the mutex must be held. Throw InputError or std::runtime_error.
   VehicleSlot& slot(const std::string& name) const;
   SimVehicle& require_multirotor(const std::string& name, const char* call);
-  SimCamera& camera(const std::string& camera, const std::string& vehicle, bool external);
-  geometry::SE3 T_ned_camera(const SimCamera& camera, const std::string& vehicle, bool external) const;
+  SimCamera& camera(const std::string& name, const std::string& vehicle_name, bool external);
+  geometry::SE3 T_ned_camera(const SimCamera& camera, const std::string& vehicle_name, bool external) const;
   /// Returns the origin of a vehicle's local NED in global NED; zero for external cameras.
-  geometry::Vec3 ned_origin(const std::string& vehicle, bool external) const;
+  geometry::Vec3 ned_origin(const std::string& vehicle_name, bool external) const;
   std::vector<SensorViewpoint> viewpoints() const;
   /// Returns the context of a sensor reading at the clock's time.
   SensorContext sensor_context(const VehicleSlot& one) const;
@@ -213,9 +213,9 @@ struct World {
                                     bool external);
 
   // Flight (flight.cpp).
-  bool run_command(const std::string& vehicle, const char* call,
+  bool run_command(const std::string& name, const char* call,
                    const std::function<vehicle::Command(SimVehicle&)>& command);
-  std::shared_ptr<const vehicle::Task> begin_task(const std::string& vehicle, const char* call,
+  std::shared_ptr<const vehicle::Task> begin_task(const std::string& name, const char* call,
                                                   const std::function<vehicle::Command(SimVehicle&)>& command);
 
   // Recording (recording.cpp).
