@@ -18,7 +18,6 @@ using Indices = std::vector<std::size_t>;
 constexpr std::size_t kMaxForAllPermutations = 9;
 constexpr std::size_t kMinForBootstrap = 8;
 constexpr std::size_t kMinForInterval = 5;
-constexpr double kNormal975 = 1.959963984540054;
 
 int sign(double v) { return (v > 0.0) - (v < 0.0); }
 

@@ -2,6 +2,9 @@
 
 namespace tileflight::metrics {
 
+/// The 97.5 % quantile of the normal distribution.
+inline constexpr double kNormal975 = 1.959963984540054;
+
 /// Returns the regularised incomplete beta function I_x(a, b) (NIST Digital Library of Mathematical Functions, 8.17);
 /// a and b are positive.
 double incomplete_beta(double x, double a, double b);

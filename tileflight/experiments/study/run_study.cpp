@@ -214,8 +214,13 @@ StudyPlan make_plan(const StudyFile& study, const PlanOptions& options) {
   const TaskMaker make(options);
   for (const StudyPlace& place : study.places) {
     for (const auto& [name, folder] : place.datasets) {
-      plan.flights.push_back(
-          {.place = place.name, .camera = {}, .flight = name, .place_folder = {}, .dataset = folder.string()});
+      plan.flights.push_back({.place = place.name,
+                              .camera = {},
+                              .flight = name,
+                              .place_folder = {},
+                              .dataset = folder.string(),
+                              .site = place.site,
+                              .kind = place.kind});
       add_runs(study, make, plan.flights.size() - 1, plan);
     }
     if (!place.datasets.empty()) continue;
@@ -223,7 +228,8 @@ StudyPlan make_plan(const StudyFile& study, const PlanOptions& options) {
       const std::string folder = make.place_folder(place, camera);
       plan.tasks.push_back(make.place_task(place, camera, folder));
       for (const std::string& flight : place.flights) {
-        plan.flights.push_back({place.name, camera.name, flight, folder, folder + "/" + flight + "/dataset"});
+        plan.flights.push_back(
+            {place.name, camera.name, flight, folder, folder + "/" + flight + "/dataset", place.site, place.kind});
         add_runs(study, make, plan.flights.size() - 1, plan);
       }
     }
@@ -249,6 +255,8 @@ json describe_plan(const StudyPlan& plan) {
   for (const StudyFlight& flight : plan.flights) {
     flights.push_back({{"id", flight.id()},
                        {"place", flight.place},
+                       {"site", flight.site},
+                       {"kind", flight.kind},
                        {"camera", flight.camera},
                        {"flight", flight.flight},
                        {"folder", flight.place_folder},

@@ -16,6 +16,7 @@ struct StudyFlight {
   std::string place, camera, flight;  ///< camera: empty for the flight's own
   std::string place_folder;           ///< PLACES/NAME-HASH, as written in the tasks; empty: a dataset from elsewhere
   std::string dataset;                ///< folder of its images, as written in the tasks
+  std::string site, kind;             ///< of StudyPlace
   std::string id() const;             ///< "stadium/simulated", "stadium-wide/simulated"
 };
 

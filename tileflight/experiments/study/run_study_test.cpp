@@ -86,9 +86,19 @@ TEST_F(RunStudy, RunsEachTaskOnceAndGathersTheResults) {
   EXPECT_EQ(study["ranking"][0]["score"], 0.25);
   EXPECT_EQ(study["ranking"][1]["score"], 0.0) << "a failed run is worth nothing";
   EXPECT_EQ(study["robustness"]["bad"]["failed"], 6);
+  EXPECT_EQ(study["flights"][0]["site"], "one");
+  ASSERT_EQ(study["differences"].size(), 1U);
+  EXPECT_EQ(study["differences"][0]["better"], "good");
+  EXPECT_EQ(study["differences"][0]["difference"], 0.25);
+  EXPECT_EQ(study["differences"][0]["places"], 2);
+  EXPECT_EQ(study["differences"][0]["real"], false) << "two places";
+  EXPECT_THAT(study["warnings"].dump(), HasSubstr("1 comparison needs at least 6"));
+  EXPECT_TRUE(study["survival"].empty()) << "the datasets have no true poses";
   EXPECT_TRUE(std::filesystem::exists(made_.folder / "out/study.html"));
   EXPECT_THAT(tests::file_text(made_.folder / "out/tables/ranking.csv"), HasSubstr("good,0.250"));
   EXPECT_THAT(tests::file_text(made_.folder / "out/tables/ranking.tex"), HasSubstr("\\toprule"));
+  EXPECT_THAT(tests::file_text(made_.folder / "out/tables/differences.csv"), HasSubstr("good,bad,0.250"));
+  EXPECT_THAT(tests::file_text(made_.folder / "out/study.html"), HasSubstr("These may be chance"));
 }
 
 /// The stand-in's path is 0.05 m off, of a limit of 1 m, and lacks one of ten frames.

@@ -51,7 +51,7 @@ void read_datasets(StrictSection datasets, StudyPlace& place) {
 }
 
 StudyPlace read_place(StrictSection& places, const std::string& name) {
-  StudyPlace place{.name = name, .experiment = {}, .flights = {}, .datasets = {}};
+  StudyPlace place{.name = name, .site = name, .kind = {}, .experiment = {}, .flights = {}, .datasets = {}};
   require_name(places, name, name);
   if (!places.is_map(name)) {
     const auto file = places.path(name);
@@ -62,6 +62,11 @@ StudyPlace read_place(StrictSection& places, const std::string& name) {
   }
   StrictSection section = *places.section(name);
   section.ignore({"experiment", "flights"});  // keys here, also where they are left out
+  place.site = section.text("site").value_or(name);
+  place.kind = section.text("kind").value_or("");
+  for (const auto& [key, word] : {std::pair("site", place.site), std::pair("kind", place.kind)}) {
+    if (section.has(key)) require_name(section, key, word);
+  }
   if (auto datasets = section.section("datasets")) {
     if (section.has("experiment"))
       throw section.error("datasets", "cannot be together with `experiment`: give each its own place");

@@ -12,9 +12,11 @@
 namespace tileflight::study {
 
 /// An entry of `places:`. The value is an experiment file, whose place, truth and flights are used, or a map with the
-/// keys experiment, flights, or datasets: recordings from elsewhere, of which there is no surface.
+/// keys experiment, flights, site, kind, or datasets: recordings from elsewhere, of which there is no surface.
 struct StudyPlace {
   std::string name;
+  std::string site;                  ///< the real place, which several entries may share; default: the name
+  std::string kind;                  ///< of its flights, such as "orbit"; may be empty
   std::filesystem::path experiment;  ///< empty: the place is its datasets
   std::vector<std::string>
       flights;  ///< of "simulated" and "real", those that the experiment has; names of the datasets

@@ -51,6 +51,19 @@ TEST_F(StudyFileTest, APlaceMayChooseItsFlights) {
   EXPECT_EQ(study.cameras[0].name, "");
 }
 
+TEST_F(StudyFileTest, EntriesMayShareASiteAndNameTheirKind) {
+  const StudyFile study = read(
+      "places:\n  one-1: {experiment: first.yaml, site: one, kind: orbit}\n  two: second.yaml\n"
+      "systems: {good: {adapter: adapters/good}}\n");
+  EXPECT_EQ(study.places[0].site, "one");
+  EXPECT_EQ(study.places[0].kind, "orbit");
+  EXPECT_EQ(study.places[1].site, "two");
+  EXPECT_EQ(study.places[1].kind, "");
+  EXPECT_THAT(
+      refusal("places: {one: {experiment: first.yaml, site: a b}}\nsystems: {good: {adapter: adapters/good}}\n"),
+      HasSubstr("names hold letters"));
+}
+
 constexpr const char* kSystems = "systems: {good: {adapter: adapters/good}}\n";
 
 TEST_F(StudyFileTest, APlaceMayBeDatasetsFromElsewhere) {

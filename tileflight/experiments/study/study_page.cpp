@@ -9,6 +9,7 @@
 
 #include "tileflight/core/base/files.h"
 #include "tileflight/core/base/input_error.h"
+#include "tileflight/core/drawing/chart.h"
 #include "tileflight/core/drawing/number_format.h"
 #include "tileflight/core/drawing/page_image.h"
 #include "tileflight/core/drawing/top_view.h"
@@ -143,7 +144,7 @@ std::string series_style() {
     style += ".point." + name + " { fill: " + kColors[i] + "; } .line." + name + " { stroke: " + kColors[i] +
              "; stroke-width: 8; }\n";
   }
-  return style;
+  return style + ".line.curve { stroke-width: 2; }\n";
 }
 
 namespace fs = std::filesystem;
@@ -265,15 +266,94 @@ Html charts(const json& study) {
   return figures.empty() ? Html() : element("div", {{"class", "columns"}}, figures);
 }
 
+std::string title_of(const json& study, const json& system) {
+  return study.at("systems").at(system.get<std::string>()).at("title");
+}
+
+std::string range_text(const json& interval) {
+  return format_fixed(number_at(interval, "/0"), 2) + " to " + format_fixed(number_at(interval, "/1"), 2);
+}
+
+/// States a difference that is more than chance.
+std::string real_difference_text(const json& study, const json& one) {
+  std::string result = title_of(study, one.at("better")) + " scores " + format_fixed(number_at(one, "/difference"), 2) +
+                       " more than " + title_of(study, one.at("worse")) + " (";
+  if (one.at("interval").at(0).is_number()) result += range_text(one.at("interval")) + "; ";
+  return result + std::to_string(one.at("places").get<int>()) + " places, p " +
+         format_fixed(number_at(one, "/adjusted_p"), 3) + " after correction for all pairs).";
+}
+
+/// States that a difference may be chance, and what would decide it.
+std::string open_difference_text(const json& study, const json& one) {
+  std::string result = title_of(study, one.at("better")) + " before " + title_of(study, one.at("worse")) + " by " +
+                       format_fixed(number_at(one, "/difference"), 2);
+  if (const auto needed = number_at(one, "/places_needed"))
+    result += "; about " + format_fixed(needed, 0) + " such places would show a difference of that size";
+  return result + ".";
+}
+
+Html differences_section(const json& study) {
+  const json& differences = study.at("differences");
+  if (differences.empty()) return {};
+  Html real, open;
+  for (const json& one : differences) {
+    if (one.at("real") == true)
+      real += element("li", text(real_difference_text(study, one)));
+    else
+      open += element("li", text(open_difference_text(study, one)));
+  }
+  Html content;
+  if (!real.empty()) content += paragraph("These differences are more than chance:") + element("ul", real);
+  if (!open.empty()) content += paragraph("These may be chance:") + element("ul", open);
+  return content + wide_table(differences_table(study));
+}
+
+Html survival_section(const json& study) {
+  const json& survival = study.at("survival");
+  if (survival.empty()) return {};
+  drawing::Chart chart{"Share of the runs without failure against the distance flown",
+                       "",
+                       {"distance flown, m", 0, 1},
+                       {"share of the runs", 0, 1},
+                       {},
+                       {}};
+  for (const auto& [name, survived] : survival.items())
+    chart.x.high = std::max(chart.x.high, survived.at("furthest").get<double>());
+  for (const auto& [name, survived] : survival.items()) {
+    drawing::ChartLine line{.name = title_of(study, name),
+                            .style = "series-" + std::to_string(series_of(study, name) % kColors.size()) + " curve",
+                            .points = {{0.0, 1.0}}};
+    double share = 1.0;
+    for (const json& step : survived.at("curve")) {
+      const double distance_m = step.at("distance");
+      line.points.emplace_back(distance_m, share);
+      share = step.at("share");
+      line.points.emplace_back(distance_m, share);
+    }
+    line.points.emplace_back(survived.at("furthest").get<double>(), share);
+    chart.lines.push_back(std::move(line));
+  }
+  const Html figure =
+      element("figure", drawing::on_page(drawing::to_drawing(chart)) +
+                            element("figcaption", text(chart.title + ": the estimate of Kaplan and Meier")));
+  return element("div", {{"class", "columns"}}, figure) +
+         paragraph(
+             "A run fails where its path has no pose for a second, also at the flight's end, or where a tenth of the "
+             "flight does not fit the true path or changes its scale by more than a third. A run that made nothing "
+             "fails at 0 m.") +
+         wide_table(survival_table(study));
+}
+
 std::string agreement_text(const json& tau) {
   std::string result = "Kendall's τ between the orders of " + std::to_string(tau.at("systems").get<int>()) +
                        " systems: " + format_fixed(number_at(tau, "/value"), 2);
+  if (tau.at("interval_over_places").at(0).is_number())
+    result += ", for these systems over other places " + range_text(tau.at("interval_over_places"));
   if (tau.at("interval").at(0).is_number())
-    result += " (95 % interval " + format_fixed(number_at(tau, "/interval/0"), 2) + " to " +
-              format_fixed(number_at(tau, "/interval/1"), 2) + ")";
+    result += ", for other systems " + range_text(tau.at("interval")) + " (95 %)";
   else
-    result += "; fewer than five systems, so no interval: any value may be chance";
-  return result + ". 1: simulation orders the systems as the second flights do; −1: the other way round.";
+    result += "; fewer than five systems, so that nothing is said of others";
+  return result + ".";
 }
 
 Html agreement_section(const json& study) {
@@ -287,7 +367,13 @@ Html agreement_section(const json& study) {
     table.rows.push_back({study.at("systems").at(name).at("title"), std::to_string(simulated), std::to_string(real),
                           simulated == real ? "no" : "yes"});
   }
-  return paragraph(agreement_text(tau)) + report::to_html(table);
+  Html by_kind;
+  for (const auto& [kind, of_kind] : study.at("kendall_tau_by_kind").items())
+    by_kind += element("li", text(kind + ": " + agreement_text(of_kind)));
+  if (!by_kind.empty()) by_kind = paragraph("By kind of flight:") + element("ul", by_kind);
+  return paragraph(agreement_text(tau) +
+                   " 1: simulation orders the systems as the second flights do; −1: the other way round.") +
+         report::to_html(table) + by_kind;
 }
 
 /// The map from above, coloured by its distance to the surface; empty if there is none.
@@ -406,17 +492,18 @@ std::string counted(std::size_t count, const std::string& what) {
 std::string verdict_text(const json& study) {
   const json& ranking = study.at("ranking");
   if (ranking.empty() || ranking.at(0).at("score").is_null()) return "No system has a score.";
-  const auto title = [&](const json& ranked) {
-    return study.at("systems").at(ranked.at("system").get<std::string>()).at("title").get<std::string>();
-  };
+  const auto title = [&](const json& ranked) { return title_of(study, ranked.at("system")); };
   std::string result =
       title(ranking.at(0)) + " has the highest score, " + format_fixed(number_at(ranking.at(0), "/score"), 3);
   if (ranking.size() < 2 || ranking.at(1).at("score").is_null()) return result + "; no other system has one.";
   result += ", before " + title(ranking.at(1)) + " with " + format_fixed(number_at(ranking.at(1), "/score"), 3);
-  const auto low = number_at(ranking.at(0), "/interval/0"), high = number_at(ranking.at(1), "/interval/1");
-  if (!low || !high) return result + "; there are too few runs for intervals.";
-  return result + (*low > *high ? "; their 95 % intervals do not overlap."
-                                : "; their 95 % intervals overlap: the order is not certain.");
+  for (const json& one : study.at("differences")) {
+    const bool is_this =
+        (one.at("better") == ranking.at(0).at("system") && one.at("worse") == ranking.at(1).at("system")) ||
+        (one.at("worse") == ranking.at(0).at("system") && one.at("better") == ranking.at(1).at("system"));
+    if (is_this && one.at("real") == true) return result + ". " + real_difference_text(study, one);
+  }
+  return result + "; that difference may be chance.";
 }
 
 }  // namespace
@@ -431,10 +518,13 @@ std::string study_page(const json& study, const fs::path& folder) {
                                  counted(study.at("flights").size(), "flight") + ", " + repetitions +
                                  " each, all maps registered by the same rule.")) +
                     element("p", {{"class", "verdict"}}, text(verdict_text(study))) + report::warnings_panel(study));
-  const Html files = element("p", text("Beside this page: ") + link("study.json") + text(", ") +
-                                      link("tables/ranking.csv") + text(", ") + link("tables/ranking.tex") +
-                                      text(", ") + link("tables/runs.csv") + text(", ") + link("Snakefile"));
+  const Html files = element(
+      "p", text("Beside this page: ") + link("study.json") + text(", ") + link("tables/ranking.csv") + text(", ") +
+               link("tables/ranking.tex") + text(", ") + link("tables/differences.csv") + text(", ") +
+               link("tables/survival.csv") + text(", ") + link("tables/runs.csv") + text(", ") + link("Snakefile"));
   const Html main = section("ranking", "Ranking", wide_table(ranking_table(study)) + paragraph(cost_text(study))) +
+                    section("differences", "What is more than chance", differences_section(study)) +
+                    section("survival", "How far systems come", survival_section(study)) +
                     section("matrix", "Systems and flights", tinted_matrix(study)) +
                     section("agreement", "Simulation against second flights", agreement_section(study)) +
                     section("charts", "Quality against cost", charts(study)) +

@@ -5,6 +5,8 @@
 #include <nlohmann/json.hpp>
 #include <set>
 
+#include "tileflight/core/base/random_numbers.h"
+#include "tileflight/evaluation/metrics/block_bootstrap.h"
 #include "tileflight/evaluation/metrics/rank_correlation.h"
 #include "tileflight/evaluation/metrics/repeated_runs.h"
 
@@ -61,6 +63,60 @@ std::vector<std::string> system_names(const std::vector<ScoredRun>& runs) {
   return {names.begin(), names.end()};
 }
 
+/// Mean scores of systems, by place: sums over its flights, each the mean of its repetitions.
+struct PlaceScores {
+  std::vector<double> sums, counts;  ///< a system each
+};
+
+std::vector<PlaceScores> place_scores(const std::vector<ScoredRun>& runs, const std::vector<std::string>& systems,
+                                      const std::vector<std::string>& places) {
+  std::vector<PlaceScores> result(places.size());
+  for (const std::string& system : systems) {
+    Scores scores = scores_of(runs, system);
+    for (std::size_t p = 0; p < places.size(); ++p) {
+      double sum = 0.0;
+      for (const auto& [flight, values] : scores[places[p]]) sum += mean_of(values);
+      result[p].sums.push_back(sum);
+      result[p].counts.push_back(static_cast<double>(scores[places[p]].size()));
+    }
+  }
+  return result;
+}
+
+/// Mean scores of the systems over drawn places; nullopt if one of them has none there.
+std::optional<std::vector<double>> mean_scores(const std::vector<PlaceScores>& places,
+                                               const std::vector<std::size_t>& drawn) {
+  std::vector<double> means;
+  for (std::size_t system = 0; system < places.front().sums.size(); ++system) {
+    double sum = 0.0, count = 0.0;
+    for (const std::size_t p : drawn) sum += places[p].sums[system], count += places[p].counts[system];
+    if (count == 0.0) return std::nullopt;
+    means.push_back(sum / count);
+  }
+  return means;
+}
+
+/// Bootstraps the agreement of two sides over their common places; nullopt below five places.
+std::array<std::optional<double>, 2> tau_over_places(const std::vector<PlaceScores>& simulated,
+                                                     const std::vector<PlaceScores>& real, std::uint64_t seed) {
+  constexpr int kResamples = 2000;
+  constexpr std::size_t kFewestPlaces = 5;
+  if (simulated.size() < kFewestPlaces) return {};
+  base::SplitMix64 random(seed);
+  std::vector<double> taus;
+  std::vector<std::size_t> drawn(simulated.size());
+  for (int k = 0; k < kResamples; ++k) {
+    for (std::size_t& place : drawn) place = random.below(simulated.size());
+    const auto a = mean_scores(simulated, drawn), b = mean_scores(real, drawn);
+    if (!a || !b) continue;
+    const double tau = metrics::kendall_tau_b(*a, *b);
+    if (std::isfinite(tau)) taus.push_back(tau);
+  }
+  if (taus.empty()) return {};
+  std::ranges::sort(taus);
+  return {metrics::quantile(taus, 0.025), metrics::quantile(taus, 0.975)};
+}
+
 /// Ranks from 1; equal scores share the better rank.
 int rank_among(const std::vector<double>& scores, double score) {
   return 1 + static_cast<int>(std::ranges::count_if(scores, [&](double other) { return other > score; }));
@@ -115,8 +171,26 @@ std::optional<RankAgreement> compare_ranks(const std::vector<ScoredRun>& all_run
   for (std::size_t side = 0; side < 2; ++side) {
     if (std::isfinite(correlation.interval.ci95[side])) agreement.interval[side] = correlation.interval.ci95[side];
   }
+  std::set<std::string> place_names;
+  for (const ScoredRun& run : runs) place_names.insert(run.place);
+  const std::vector<std::string> places(place_names.begin(), place_names.end());
+  agreement.places = places.size();
+  agreement.interval_over_places =
+      tau_over_places(place_scores(simulated, names, places), place_scores(real, names, places), seed);
   for (std::size_t i = 0; i < names.size(); ++i) agreement.ranks[names[i]] = {rank_among(a, a[i]), rank_among(b, b[i])};
   return agreement;
+}
+
+std::map<std::string, RankAgreement> compare_ranks_by_kind(const std::vector<ScoredRun>& runs, std::uint64_t seed) {
+  std::map<std::string, std::vector<ScoredRun>> by_kind;
+  for (const ScoredRun& run : runs) {
+    if (!run.kind.empty()) by_kind[run.kind].push_back(run);
+  }
+  std::map<std::string, RankAgreement> result;
+  for (const auto& [kind, of_kind] : by_kind) {
+    if (auto agreement = compare_ranks(of_kind, seed)) result.emplace(kind, std::move(*agreement));
+  }
+  return result;
 }
 
 json to_json(const std::vector<RankedSystem>& ranking) {
@@ -141,12 +215,15 @@ json to_json(const RankAgreement& agreement) {
     ranks[system] = {{"simulated", pair[0]}, {"real", pair[1]}};
     if (pair[0] != pair[1]) changed.push_back(system);
   }
-  return {{"value", number(agreement.tau_b)},
-          {"interval", {number(agreement.interval[0]), number(agreement.interval[1])}},
-          {"interval_method", agreement.method},
-          {"systems", agreement.systems},
-          {"ranks", ranks},
-          {"rank_changes", changed}};
+  return {
+      {"value", number(agreement.tau_b)},
+      {"interval", {number(agreement.interval[0]), number(agreement.interval[1])}},
+      {"interval_method", agreement.method},
+      {"interval_over_places", {number(agreement.interval_over_places[0]), number(agreement.interval_over_places[1])}},
+      {"places", agreement.places},
+      {"systems", agreement.systems},
+      {"ranks", ranks},
+      {"rank_changes", changed}};
 }
 
 }  // namespace tileflight::study

@@ -14,7 +14,8 @@ namespace tileflight::study {
 struct ScoredRun {
   std::string system;
   std::string place;
-  std::string flight;  ///< place, camera and flight, joined: one column of the matrix of scores
+  std::string flight;  ///< unique over the place: entry of the study, camera and flight
+  std::string kind;    ///< of the flight, such as "orbit"; may be empty
   bool is_simulated = false;
   std::optional<double> score;
 };
@@ -40,13 +41,19 @@ struct RankAgreement {
   std::size_t systems = 0;
   std::optional<double> tau_b;
   std::array<std::optional<double>, 2> interval{};
-  std::string method = "none";                      ///< of the interval (metrics::TauInterval)
+  std::string method = "none";  ///< of the interval (metrics::TauInterval)
+  /// Percentile bootstrap over the places, for these systems: what other places would change; unknown below five.
+  std::array<std::optional<double>, 2> interval_over_places{};
+  std::size_t places = 0;
   std::map<std::string, std::array<int, 2>> ranks;  ///< by system: rank in simulation, on the second flights (from 1)
 };
 
 /// Compares the ranking in simulation with that on the second flights. Only places with flights of both kinds count,
 /// because another place may have another order. Returns nullopt if fewer than two systems have a score on both.
 std::optional<RankAgreement> compare_ranks(const std::vector<ScoredRun>& runs, std::uint64_t seed);
+
+/// Compares the rankings by the flights of each kind alone, by the kind's name; kinds without agreement are left out.
+std::map<std::string, RankAgreement> compare_ranks_by_kind(const std::vector<ScoredRun>& runs, std::uint64_t seed);
 
 nlohmann::json to_json(const std::vector<RankedSystem>& ranking);
 nlohmann::json to_json(const RankAgreement& agreement);

@@ -4,6 +4,7 @@
 #include <gtest/gtest.h>
 
 #include <nlohmann/json.hpp>
+#include <tuple>
 
 namespace tileflight::study::study_ranking_test {
 namespace {
@@ -14,6 +15,7 @@ ScoredRun run(const std::string& system, const std::string& place, bool simulate
   return {.system = system,
           .place = place,
           .flight = simulated ? "/simulated" : "/real",
+          .kind = {},
           .is_simulated = simulated,
           .score = score};
 }
@@ -83,9 +85,45 @@ TEST(CompareRanks, TauAndChangedRanks) {
 /// Over the second place b is the better one, but nobody flew there in simulation.
 TEST(CompareRanks, ComparesTheSamePlaces) {
   std::vector<ScoredRun> runs = runs_with({0.9, 0.5}, {0.9, 0.5});
-  runs.push_back({.system = "a", .place = "elsewhere", .flight = "east", .is_simulated = false, .score = 0.0});
-  runs.push_back({.system = "b", .place = "elsewhere", .flight = "east", .is_simulated = false, .score = 1.0});
+  runs.push_back(
+      {.system = "a", .place = "elsewhere", .flight = "east", .kind = {}, .is_simulated = false, .score = 0.0});
+  runs.push_back(
+      {.system = "b", .place = "elsewhere", .flight = "east", .kind = {}, .is_simulated = false, .score = 1.0});
   EXPECT_EQ(*compare_ranks(runs, 1)->tau_b, 1.0);
+}
+
+/// Over five of six places simulation orders the systems as reality does: a draw without many of the sixth agrees, one
+/// with many of it does not.
+TEST(CompareRanks, AnIntervalOverPlacesTellsWhatOtherPlacesWouldChange) {
+  std::vector<ScoredRun> runs;
+  for (int place = 0; place < 6; ++place) {
+    const std::string name(1, static_cast<char>('p' + place));
+    for (const auto& [system, simulated, real] : {std::tuple("a", 0.9, 0.8), std::tuple("b", 0.6, 0.6)}) {
+      runs.push_back(run(system, name, true, simulated));
+      runs.push_back(run(system, name, false, place == 5 ? 1.4 - real : real));
+    }
+  }
+  const auto agreement = compare_ranks(runs, 1);
+  EXPECT_EQ(agreement->places, 6U);
+  EXPECT_EQ(*agreement->tau_b, 1.0);
+  ASSERT_TRUE(agreement->interval_over_places[0]);
+  EXPECT_EQ(*agreement->interval_over_places[0], -1.0);
+  EXPECT_EQ(*agreement->interval_over_places[1], 1.0);
+  EXPECT_FALSE(compare_ranks(runs_with({0.9, 0.5}, {0.9, 0.5}), 1)->interval_over_places[0]) << "one place";
+}
+
+/// Over orbits simulation predicts, over hovers it does not.
+TEST(CompareRanks, EachKindOfFlightHasItsOwnAgreement) {
+  std::vector<ScoredRun> orbits = runs_with({0.9, 0.5}, {0.8, 0.4}), hovers = runs_with({0.9, 0.5}, {0.4, 0.8});
+  for (ScoredRun& one : orbits) one.kind = "orbit";
+  for (ScoredRun& one : hovers) one.kind = "hover", one.flight += "/hover";
+  std::vector<ScoredRun> all = orbits;
+  all.insert(all.end(), hovers.begin(), hovers.end());
+  all.push_back(run("a", "x", true, 0.5));  // of no kind
+  const auto by_kind = compare_ranks_by_kind(all, 1);
+  ASSERT_EQ(by_kind.size(), 2U);
+  EXPECT_EQ(*by_kind.at("orbit").tau_b, 1.0);
+  EXPECT_EQ(*by_kind.at("hover").tau_b, -1.0);
 }
 
 TEST(CompareRanks, NeedsTwoSystemsWithScoresOnBoth) {

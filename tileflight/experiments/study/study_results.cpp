@@ -8,9 +8,12 @@
 #include "tileflight/core/base/formatted_text.h"
 #include "tileflight/core/base/input_error.h"
 #include "tileflight/core/base/warning.h"
+#include "tileflight/data/dataset/dataset.h"
+#include "tileflight/experiments/study/run_survival.h"
 #include "tileflight/experiments/study/study_page.h"
 #include "tileflight/experiments/study/study_ranking.h"
 #include "tileflight/experiments/study/study_tables.h"
+#include "tileflight/experiments/study/system_comparison.h"
 
 namespace tileflight::study {
 namespace fs = std::filesystem;
@@ -79,6 +82,8 @@ json describe_run(const fs::path& folder, const json& plan, const json& planned)
   const json& flight = plan.at("flights").at(planned.at("flight").get<std::size_t>());
   json run{{"system", planned.at("system")},
            {"place", flight.at("place")},
+           {"site", flight.value("site", flight.at("place"))},
+           {"kind", flight.value("kind", std::string())},
            {"camera", flight.at("camera")},
            {"flight", flight.at("flight")},
            {"repetition", planned.at("repetition")},
@@ -138,12 +143,75 @@ std::vector<ScoredRun> scored_runs(json& runs, const json& plan) {
     const std::optional<double> score = score_of(run, plan);
     run["score"] = score ? json(*score) : json(nullptr);
     scored.push_back({.system = run.at("system"),
-                      .place = run.at("place"),
-                      .flight = run.at("camera").get<std::string>() + "/" + run.at("flight").get<std::string>(),
+                      .place = run.at("site"),
+                      .flight = run.at("place").get<std::string>() + "/" + run.at("camera").get<std::string>() + "/" +
+                                run.at("flight").get<std::string>(),
+                      .kind = run.at("kind"),
                       .is_simulated = run.at("flight") == "simulated",
                       .score = score});
   }
   return scored;
+}
+
+/// True paths of flights, each read once.
+class TruePaths {
+ public:
+  explicit TruePaths(fs::path folder) : folder_(std::move(folder)) {}
+
+  /// Returns nullptr if the dataset is not there or has no true poses.
+  const geometry::Trajectory* of(const std::string& dataset) {
+    auto found = read_.find(dataset);
+    if (found == read_.end()) found = read_.emplace(dataset, read(folder_ / dataset)).first;
+    return found->second ? &*found->second : nullptr;
+  }
+
+ private:
+  static std::optional<geometry::Trajectory> read(const fs::path& dataset) {
+    try {
+      return dataset::read_dataset(dataset).groundtruth;
+    } catch (const InputError&) {
+      return std::nullopt;  // not made yet, or no longer there
+    }
+  }
+
+  fs::path folder_;
+  std::map<std::string, std::optional<geometry::Trajectory>> read_;
+};
+
+/// How far a run came; nullopt: it was not made, or nothing tells. A run that failed as a whole came nowhere.
+std::optional<RunSurvival> survival_of(const json& run, const json& plan, const fs::path& folder, TruePaths& truths) {
+  if (run.at("applicable") == false || !is_installed(plan, run) || run.at("reason") == kNotRunYet) return std::nullopt;
+  const geometry::Trajectory* truth = truths.of(run.at("dataset"));
+  if (truth == nullptr) return std::nullopt;
+  const fs::path path = folder / run.at("folder").get<std::string>() / "odometry/trajectory.txt";
+  if (run.at("completed") == false || !fs::exists(path)) return RunSurvival{.failed = true, .reason = run.at("reason")};
+  try {
+    return measure_survival(geometry::read_tum(path), *truth);
+  } catch (const InputError& error) {
+    return RunSurvival{.failed = true, .reason = error.what()};
+  }
+}
+
+/// Survival curves by system. Adds `survived` to each run.
+json survival(json& runs, const json& plan, const fs::path& folder) {
+  TruePaths truths(folder);
+  std::map<std::string, std::vector<RunSurvival>> by_system;
+  for (json& run : runs) {
+    run["survived"] = nullptr;
+    const std::optional<RunSurvival> one = survival_of(run, plan, folder, truths);
+    if (!one) continue;
+    run["survived"] = {{"distance", one->distance_m}, {"failed", one->failed}, {"reason", one->reason}};
+    by_system[run.at("system")].push_back(*one);
+  }
+  json result = json::object();
+  for (const auto& [system, survived] : by_system) {
+    const auto furthest = std::ranges::max_element(survived, {}, &RunSurvival::distance_m);
+    result[system] = {{"runs", survived.size()},
+                      {"failed", std::ranges::count_if(survived, &RunSurvival::failed)},
+                      {"furthest", furthest->distance_m},
+                      {"curve", to_json(survival_curve(survived))}};
+  }
+  return result;
 }
 
 /// Runs, failures and lost frames of each system.
@@ -193,7 +261,8 @@ std::map<std::string, std::pair<int, int>> count_uncertain_places(const json& ru
 }
 
 /// Returns the warnings about the ranking.
-json ranking_warnings(const json& plan, const json& runs, const std::vector<RankedSystem>& ranking) {
+json ranking_warnings(const json& plan, const json& runs, const std::vector<RankedSystem>& ranking,
+                      const std::vector<SystemDifference>& differences) {
   json warnings = json::array();
   const auto add = [&](const std::string& what, const std::string& remedy) {
     warnings.push_back({{"message", what}, {"where", "ranking"}, {"severity", "error"}, {"remedy", remedy}});
@@ -209,6 +278,12 @@ json ranking_warnings(const json& plan, const json& runs, const std::vector<Rank
     add("the ranking rests on " + std::to_string(places) + (places == 1 ? " place" : " places") +
             ": on another place the order may be another",
         "add places");
+  if (const std::size_t fewest = fewest_places_to_show(differences.size()); !differences.empty() && places < fewest)
+    add("no difference between systems can be shown by " + std::to_string(places) +
+            (places == 1 ? " place" : " places") + ": " + std::to_string(differences.size()) +
+            (differences.size() == 1 ? " comparison needs" : " comparisons need") + " at least " +
+            std::to_string(fewest),
+        "add places, or leave out systems");
   for (const RankedSystem& system : ranking) {
     if (system.score && system.flights < flights)
       add(system.system + " is judged by " + std::to_string(system.flights) + " of " + std::to_string(flights) +
@@ -242,6 +317,10 @@ json collect_study(const fs::path& folder) {
   const std::vector<ScoredRun> scored = scored_runs(runs, plan);
   const std::vector<RankedSystem> ranking = rank_systems(scored);
   const std::optional<RankAgreement> agreement = compare_ranks(scored, plan.at("seed"));
+  const std::vector<SystemDifference> differences = compare_systems(scored, plan.at("seed"));
+  json by_kind = json::object();
+  for (const auto& [kind, of_kind] : compare_ranks_by_kind(scored, plan.at("seed"))) by_kind[kind] = to_json(of_kind);
+  const json survived = survival(runs, plan, folder);  // before `runs` are copied
   return {{"name", plan.at("name")},
           {"rank_by", plan.at("rank_by")},
           {"threshold_m", plan.at("threshold_m")},
@@ -253,8 +332,11 @@ json collect_study(const fs::path& folder) {
           {"runs", runs},
           {"robustness", robustness(runs, plan)},
           {"ranking", to_json(ranking)},
+          {"differences", to_json(differences)},
+          {"survival", survived},
           {"kendall_tau", agreement ? to_json(*agreement) : json(nullptr)},
-          {"warnings", ranking_warnings(plan, runs, ranking)}};
+          {"kendall_tau_by_kind", by_kind},
+          {"warnings", ranking_warnings(plan, runs, ranking, differences)}};
 }
 
 json write_study_report(const fs::path& folder) {

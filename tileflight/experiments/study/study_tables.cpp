@@ -94,6 +94,47 @@ Table ranking_table(const json& study) {
   return table;
 }
 
+Table differences_table(const json& study) {
+  Table table{.caption = "Differences of the mean scores on common flights; p after Holm's correction for all pairs",
+              .header = {"Better", "Than", "Difference", "95 % interval", "p", "p, corrected", "Flights", "Places",
+                         "Places that would show it"},
+              .rows = {}};
+  const auto title = [&](const json& system) { return study.at("systems").at(system.get<std::string>()).at("title"); };
+  for (const json& one : study.at("differences")) {
+    table.rows.push_back({title(one.at("better")), title(one.at("worse")),
+                          format_fixed(number_at(one, "/difference"), 3), interval_text(one.at("interval")),
+                          format_fixed(number_at(one, "/p"), 4), format_fixed(number_at(one, "/adjusted_p"), 4),
+                          std::to_string(one.at("flights").get<int>()), std::to_string(one.at("places").get<int>()),
+                          format_fixed(number_at(one, "/places_needed"), 0)});
+  }
+  return table;
+}
+
+Table survival_table(const json& study) {
+  Table table{.caption = "How far systems came before their path ended, had a gap or broke (Kaplan and Meier)",
+              .header = {"System", "Runs", "Failed", "Whole after half of the longest flight", "Whole at its end",
+                         "95 % interval", "Half have failed after, m"},
+              .rows = {}};
+  double longest = 0.0;
+  for (const auto& [name, survived] : study.at("survival").items())
+    longest = std::max(longest, survived.at("furthest").get<double>());
+  for (const auto& [name, survived] : study.at("survival").items()) {
+    json half{{"share", 1.0}, {"interval", {nullptr, nullptr}}}, end = half;
+    std::optional<double> median;
+    for (const json& step : survived.at("curve")) {
+      if (step.at("distance").get<double>() <= 0.5 * longest) half = step;
+      end = step;
+      if (!median && step.at("share").get<double>() <= 0.5) median = step.at("distance").get<double>();
+    }
+    table.rows.push_back({study.at("systems").at(name).at("title"), std::to_string(survived.at("runs").get<int>()),
+                          std::to_string(survived.at("failed").get<int>()),
+                          drawing::format_percent(half.at("share").get<double>()),
+                          drawing::format_percent(end.at("share").get<double>()), interval_text(end.at("interval")),
+                          format_fixed(median, 1)});
+  }
+  return table;
+}
+
 Table matrix_table(const json& study) {
   std::vector<std::string> flights;
   std::map<std::pair<std::string, std::string>, std::vector<double>> scores;
@@ -144,8 +185,11 @@ Table runs_table(const json& study) {
 
 void write_study_tables(const json& study, const fs::path& folder) {
   base::make_folder(folder);
-  const std::vector<std::pair<std::string, Table>> tables{
-      {"ranking", ranking_table(study)}, {"matrix", matrix_table(study)}, {"runs", runs_table(study)}};
+  const std::vector<std::pair<std::string, Table>> tables{{"ranking", ranking_table(study)},
+                                                          {"differences", differences_table(study)},
+                                                          {"survival", survival_table(study)},
+                                                          {"matrix", matrix_table(study)},
+                                                          {"runs", runs_table(study)}};
   for (const auto& [name, table] : tables) {
     base::write_file(folder / (name + ".csv"), drawing::to_csv(with_header(table)));
     base::write_file(folder / (name + ".tex"), latex(table));
