@@ -98,6 +98,21 @@ TEST_F(LocalizeCommand, TakesATilesetAndTracksTheImagesItself) {
     EXPECT_TRUE(fs::exists(out_ / file)) << file;
 }
 
+/// The second flight's path is compared with where its images are in the tiles; the built-in place knows the true
+/// poses.
+TEST_F(LocalizeCommand, AReferenceStandsInTheErrorBudget) {
+  const auto budget = [&](const std::string& flight) {
+    return json::parse(tests::file_text(stages_ / "run" / flight / "metrics.json")).at("error_budget");
+  };
+  EXPECT_TRUE(budget("simulated").at("reference").is_null());
+  const json located = budget("real");
+  out_ = stages_ / "run/real/localized";
+  const double error_m = errors("real").rms_m, stated_m = located.at("reference").at("metres");
+  EXPECT_GT(stated_m, 0.5 * error_m);
+  EXPECT_LT(stated_m, 4.0 * error_m);
+  EXPECT_TRUE(located.at("path").at("metres").is_number());
+}
+
 TEST_F(LocalizeCommand, RefusesInOneLineWhatItCannotUse) {
   const std::string dataset = (stages_ / "run/simulated/dataset").string(), truth = (stages_ / "run/truth").string();
   const auto refused = [&](std::vector<std::string> words, const std::string& message) {

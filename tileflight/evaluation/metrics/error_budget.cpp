@@ -28,8 +28,12 @@ ErrorSource alignment_part(const std::optional<double>& sigma_m) {
   return {sigma_m, "estimated", "RMS displacement of the map's points by the transform's own uncertainty"};
 }
 
-ErrorSource path_part(const std::optional<double>& to_true_poses_m) {
+ErrorSource path_part(const std::optional<double>& to_true_poses_m, bool by_reference) {
   if (!to_true_poses_m) return {std::nullopt, "bound", "not known without true poses"};
+  if (by_reference)
+    return {to_true_poses_m, "bound",
+            "distance of the map's points from their positions under the poses that were located in the tiles: "
+            "alignment, drift and the reference's own error together"};
   return {to_true_poses_m, "bound",
           "distance of the map's points from their positions under the true poses: alignment and drift together"};
 }
@@ -75,7 +79,11 @@ ErrorBudget error_budget(const ErrorBudgetInputs& inputs) {
                   "RMS distance of points on the true surface to the voxel centres; not in distances to the surface"};
   budget.tiles = tiles_part(inputs.geometric_error_m);
   budget.alignment = alignment_part(inputs.alignment_sigma_m);
-  budget.path = path_part(inputs.rms_to_true_poses_m);
+  budget.path = path_part(inputs.rms_to_true_poses_m, inputs.reference_sigma_m.has_value());
+  if (inputs.reference_sigma_m)
+    budget.reference = {inputs.reference_sigma_m, "estimated",
+                        "RMS of the standard deviations of the positions that were located in the tiles; in the path's "
+                        "part, not in distances to the surface"};
   add_total(inputs.surface_m, budget);
   budget.odometry = odometry_part(budget.total_m, inputs.alignment_sigma_m);
   budget.not_separated = {
@@ -91,6 +99,7 @@ json to_json(const ErrorBudget& b) {
           {"alignment", to_json(b.alignment)},
           {"path", to_json(b.path)},
           {"odometry", to_json(b.odometry)},
+          {"reference", b.reference ? to_json(*b.reference) : json(nullptr)},
           {"total", b.total_m ? json(*b.total_m) : json(nullptr)},
           {"within", b.within_m},
           {"share_within", b.share_within},
@@ -104,6 +113,7 @@ ErrorBudget read_error_budget(base::StrictSection reader) {
   b.alignment = read_part(reader.required_section("alignment"));
   b.path = read_part(reader.required_section("path"));
   b.odometry = read_part(reader.required_section("odometry"));
+  if (const auto reference = reader.section("reference")) b.reference = read_part(*reference);
   b.total_m = finite_or_none(reader.required_number("total"));
   b.within_m = reader.required_number("within");
   b.share_within = reader.required_number("share_within");

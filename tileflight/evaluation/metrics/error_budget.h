@@ -24,9 +24,10 @@ struct ErrorSource {
 /// (voxels, tiles) are listed separately from those in the map (alignment, odometry).
 struct ErrorBudget {
   ErrorSource voxel, tiles, alignment, path, odometry;
-  double within_m = 0;            ///< the total includes distances to the surface up to this
-  double share_within = 0;        ///< share of the map points over the region with ground truth
-  std::optional<double> total_m;  ///< RMS of those distances
+  std::optional<ErrorSource> reference;  ///< of a flight without true poses that was located in the tiles
+  double within_m = 0;                   ///< the total includes distances to the surface up to this
+  double share_within = 0;               ///< share of the map points over the region with ground truth
+  std::optional<double> total_m;         ///< RMS of those distances
   std::vector<std::string> not_separated;
 };
 
@@ -38,16 +39,19 @@ struct ErrorBudgetInputs {
   std::optional<double> alignment_sigma_m;  ///< RMS displacement of the points by alignment noise (transform.json)
   /// RMS distance between the aligned map points and the same points placed by the true poses.
   std::optional<double> rms_to_true_poses_m;
+  /// RMS of the standard deviations of these poses' positions, if they were located in the tiles instead of known.
+  std::optional<double> reference_sigma_m;
   std::vector<double> surface_m;  ///< distances of the map's points to the surface
   double within_m = 1.0;
 };
 
 /// Computes the budget. path: from the true poses; an upper bound of the alignment error, since it includes the
-/// odometry's drift. odometry: total squared minus alignment squared, not below zero.
+/// odometry's drift, and the reference's own error if there is a reference. odometry: total squared minus alignment
+/// squared, not below zero.
 ErrorBudget error_budget(const ErrorBudgetInputs& inputs);
 
-/// Returns {voxel, tiles, alignment, path, odometry, each {metres | null, kind, how}; total, within, share_within,
-/// not_separated}.
+/// Returns {voxel, tiles, alignment, path, odometry, each {metres | null, kind, how}; reference, the same or null;
+/// total, within, share_within, not_separated}.
 nlohmann::json to_json(const ErrorBudget& budget);
 
 /// Reads the object that to_json() returns. Throws InputError as StrictSection does.

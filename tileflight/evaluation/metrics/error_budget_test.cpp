@@ -56,7 +56,21 @@ TEST(ErrorBudget, AnAlignmentLessCertainThanTheTotalLeavesNothing) {
   EXPECT_EQ(*error_budget(inputs).odometry.value_m, 0.0);
 }
 
+TEST(ErrorBudget, AReferenceIsStatedBesideThePathThatHoldsIt) {
+  EXPECT_FALSE(error_budget(some_inputs()).reference);
+  ErrorBudgetInputs inputs = some_inputs();
+  inputs.reference_sigma_m = 0.2;
+  const ErrorBudget b = error_budget(inputs);
+  EXPECT_DOUBLE_EQ(*b.reference->value_m, 0.2);
+  EXPECT_NE(b.path.explanation.find("located in the tiles"), std::string::npos);
+  EXPECT_DOUBLE_EQ(*b.odometry.value_m, *error_budget(some_inputs()).odometry.value_m) << "distances do not hold it";
+}
+
 TEST(ErrorBudget, RoundTripAndComplaints) {
+  ErrorBudgetInputs inputs = some_inputs();
+  inputs.reference_sigma_m = 0.2;
+  const nlohmann::json with_reference = to_json(error_budget(inputs));
+  EXPECT_EQ(to_json(read_error_budget(base::StrictSection(with_reference, "m.json"))), with_reference);
   const nlohmann::json written = to_json(error_budget(some_inputs()));
   EXPECT_EQ(to_json(read_error_budget(base::StrictSection(written, "m.json"))), written);
   nlohmann::json broken = written;

@@ -78,7 +78,7 @@ void write_errors(const std::filesystem::path& ply, const MapPoints& map, const 
 
 using nlohmann::json;
 
-/// Estimated and true poses, if known.
+/// Estimated poses, and the true ones, if known, or those that were located in the tiles.
 struct TrajectoryPair {
   geometry::Trajectory estimate, truth;
   bool has_both() const { return !estimate.empty() && !truth.empty(); }
@@ -87,12 +87,15 @@ struct TrajectoryPair {
 TrajectoryPair read_poses(const MapInputs& map) {
   TrajectoryPair poses;
   if (!map.trajectory.empty()) poses.estimate = geometry::read_tum(map.trajectory);
-  if (!map.truth_trajectory.empty()) poses.truth = read_true_poses(map.truth_trajectory);
+  if (!map.reference.empty())
+    poses.truth = geometry::read_tum(map.reference / "trajectory.txt");
+  else if (!map.truth_trajectory.empty())
+    poses.truth = read_true_poses(map.truth_trajectory);
   return poses;
 }
 
 /// RMS distance between the map's points as aligned and the points placed by the similarity that best fits the path's
-/// poses, including rotations, to the true ones.
+/// poses, including rotations, to the true ones or the reference.
 std::optional<double> distance_to_true_poses_m(const TrajectoryPair& poses, const geometry::Sim3& T_local_map,
                                                const MapPoints& map) {
   constexpr double kSameTime_s = 0.01;
@@ -246,6 +249,12 @@ std::vector<double> score_without_surface(const Task& task, const MapTiles& tile
   return voxel_m;
 }
 
+/// RMS of the standard deviations of the positions that the path was compared with, if these were located in the tiles.
+std::optional<double> reference_sigma_m(const MapInputs& map, const std::optional<metrics::TrajectoryMetrics>& path) {
+  if (map.reference.empty() || !path || !path->receiver) return std::nullopt;
+  return path->receiver->expected_rmse_m;
+}
+
 /// The map's own normals at the chosen points, in the local frame; none if it has none.
 std::vector<Eigen::Vector3f> own_normals(const Task& task, const std::vector<std::uint32_t>& chosen) {
   std::vector<Eigen::Vector3f> normals;
@@ -310,6 +319,7 @@ SurfaceDistances score_against_surface(const Task& task, std::optional<MapTiles>
        .geometric_error_m = task.truth.extracted.geometric_error_max_m,
        .alignment_sigma_m = task.transform.sigma_m,
        .rms_to_true_poses_m = distance_to_true_poses_m(task.poses, task.transform.T_surface_map, task.points),
+       .reference_sigma_m = reference_sigma_m(task.map, metrics.trajectory),
        .surface_m = over_m,
        .within_m = settings.cutoff_m});
   write_seen_surface(task.out, seen, near.distances_m);

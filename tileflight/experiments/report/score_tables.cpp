@@ -150,8 +150,13 @@ Table budget_table(const std::vector<FlightRun>& flights) {
       {"tiles", "Tiles (truth)"},
       {"alignment", "Alignment"},
       {"path", "Path"},
-      {"odometry", "Odometry"}};
+      {"odometry", "Odometry"},
+      {"reference", "Reference (poses located in the tiles; in the path's part)"}};
   for (const auto& [key, label] : parts) {
+    const bool any = std::ranges::any_of(flights, [&key = key](const FlightRun& flight) {
+      return number_at(flight.values, "/error_budget/" + key + "/metres").has_value();
+    });
+    if (key == "reference" && !any) continue;
     add_row(table, label, flights, [&key = key](const json& values) -> std::string {
       const auto metres = number_at(values, "/error_budget/" + key + "/metres");
       return metres ? format_fixed(metres, 4) + ", " + text_at(values, "/error_budget/" + key + "/kind").value_or("")
