@@ -2,6 +2,7 @@
 
 import ast
 import inspect
+import re
 
 import rst
 
@@ -107,10 +108,9 @@ def write(stage, package):
 
     tree, commands = named(package / "commands.pyi")
     text = rst.heading("Commands as functions") + head + described(docstring(ast.parse((package / "commands.py").read_text(encoding="utf-8")))) + "\n\n"
-    command_of = {"make_stadium": "scene-stadium"}
     for name, node in commands.items():
         if isinstance(node, ast.FunctionDef) and not name.startswith("_"):
-            page = command_of.get(name, name)
+            page = re.sub("^make_", "scene-", name)
             text += f".. py:function:: {name}{signature(node, False)}\n\n   :doc:`tileflight {page.replace('-', ' ')} <../commands/{page}>`: options and examples.\n\n"
     stage.write("reference/python/commands.rst", text)
 

@@ -16,7 +16,6 @@ from typing import Any, Callable
 
 from . import _core
 
-_NAMES = {"scene stadium": "make_stadium"}
 #: Servers, which run until a signal (`Simulator` does the same within the process), and a command for shells only.
 _LEFT_OUT = {"serve", "play", "completion"}
 #: Options of the terminal, which a function has no use for.
@@ -101,7 +100,7 @@ def _make_function(command: dict[str, Any]) -> Callable[..., Any]:
         values = signature.bind(*args, **kwargs).arguments
         return _core._run_command(_arguments(command, values), progress)
 
-    function.__name__ = function.__qualname__ = _NAMES.get(command["name"], command["name"])
+    function.__name__ = function.__qualname__ = command["name"].replace("scene ", "make_")  # "scene town": make_town
     function.__doc__ = _documentation(command)
     function.__signature__ = signature  # type: ignore[attr-defined]
     function.__module__ = __name__

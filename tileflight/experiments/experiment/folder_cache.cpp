@@ -14,7 +14,6 @@
 #include "tileflight/core/base/files.h"
 #include "tileflight/core/base/input_error.h"
 #include "tileflight/core/base/output_folder.h"
-#include "tileflight/tiles/demo_place/stadium.h"
 #include "tileflight/world/place/extract.h"
 
 namespace tileflight::experiment {

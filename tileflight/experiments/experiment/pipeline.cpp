@@ -11,7 +11,6 @@
 #include "tileflight/core/base/program.h"
 #include "tileflight/core/imaging/camera.h"
 #include "tileflight/data/flight_logs/telemetry.h"
-#include "tileflight/tiles/demo_place/stadium.h"
 #include "tileflight/tiles/fetch/open_source.h"
 #include "tileflight/tiles/fetch/url_secrets.h"
 
@@ -21,9 +20,24 @@ namespace {
 
 using nlohmann::json;
 
-constexpr std::string_view kStadiumPrefix = "stadium:";
-
-bool is_stadium(const std::string& source) { return source.starts_with(kStadiumPrefix); }
+/// The built-in place of an experiment's region and flights; nullopt: none of them is of one.
+std::optional<demo_place::BuiltInSource> find_built_in(const Experiment& experiment) {
+  std::vector<std::string> sources{experiment.place.source};
+  for (const auto* flight : {&experiment.simulated, &experiment.real})
+    if (*flight && (*flight)->render) sources.push_back((*flight)->render->source);
+  std::optional<demo_place::BuiltInSource> found;
+  std::string name;
+  for (const std::string& source : sources) {
+    const auto one = demo_place::built_in_source(source);
+    if (!one) continue;
+    if (found && (one->kind != found->kind || one->seed != found->seed))
+      throw InputError(experiment.file.string(), "has two built-in places, '" + name + "' and '" + source +
+                                                     "': an experiment has one; write the other by `tileflight scene`");
+    found = one;
+    name = source;
+  }
+  return found;
+}
 
 /// Content of a flight file and of the files that it names: lens, sensors, poses.
 json flight_inputs(const fs::path& flight_file) {
@@ -72,16 +86,11 @@ Pipeline::Pipeline(const Experiment& experiment, fs::path folder, const StageCac
   if (!simulated_follows_real()) add_simulated();
   if (experiment_.real) flights_.push_back({"real", *experiment_.real, folder_ / "real"});
   if (simulated_follows_real()) add_simulated();
+  built_in_ = find_built_in(experiment_);
 }
 
 bool Pipeline::simulated_follows_real() const {
   return experiment_.simulated && experiment_.simulated->render && experiment_.simulated->render->follows_real;
-}
-
-bool Pipeline::uses_built_in_place() const {
-  bool uses = is_stadium(experiment_.place.source);
-  for (const FlightStages& f : flights_) uses = uses || (f.flight.render && is_stadium(f.flight.render->source));
-  return uses;
 }
 
 Experiment Pipeline::make_variant(const Variant& variant) const {
@@ -148,23 +157,20 @@ std::vector<std::string> Pipeline::odometry_products(const OdometryRun& run) con
 void Pipeline::build_place(const fs::path& folder, const Progress& progress) const {
   const base::OutputFolder output{.folder = folder, .command = "scene", .replace = true, .inputs = {}};
   base::write_folder(output, [&](const fs::path& temporary) {
-    demo_place::write_stadium(
-        temporary, {.seed = experiment_.place.seed, .texture_scale = experiment_.place.texture_scale}, progress);
+    demo_place::write_place(
+        temporary, built_in_->kind,
+        {.seed = built_in_->seed.value_or(experiment_.place.seed), .texture_scale = experiment_.place.texture_scale},
+        progress);
   });
 }
 
 std::string Pipeline::resolve_source(const std::string& source) const {
-  if (!is_stadium(source)) return source;
-  const std::string model = source.substr(kStadiumPrefix.size());
-  if (model != "twin" && model != "world") {
-    throw InputError(experiment_.file.string(),
-                     "the built-in place has no '" + source + "'; use stadium:twin or stadium:world");
-  }
-  return (folder_ / "place" / model / "tileset.json").string();
+  const auto built_in = demo_place::built_in_source(source);
+  return built_in ? (folder_ / "place" / built_in->model / "tileset.json").string() : source;
 }
 
 std::string Pipeline::source_fingerprint(const std::string& source) const {
-  if (is_stadium(source)) return cache_.key("place");
+  if (demo_place::built_in_source(source)) return cache_.key("place");
   // For a network source only the name is hashed; comparing its content would require downloading everything again.
   if (fetch::is_network_source(source)) return fetch::redact_source(source);
   const fs::path files = fetch::local_path_of_source(source);
@@ -235,7 +241,10 @@ recording::RenderSettings Pipeline::render_settings(const FlightStages& flight) 
 }
 
 json Pipeline::place_inputs() const {
-  return {{"seed", experiment_.place.seed}, {"texture_scale", experiment_.place.texture_scale}};
+  if (!built_in_) return {};
+  return {{"kind", demo_place::place_names()[static_cast<std::size_t>(built_in_->kind)].name},
+          {"seed", built_in_->seed.value_or(experiment_.place.seed)},
+          {"texture_scale", experiment_.place.texture_scale}};
 }
 
 std::string Pipeline::place_key() const {

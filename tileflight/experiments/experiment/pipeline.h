@@ -2,6 +2,7 @@
 
 #include <filesystem>
 #include <nlohmann/json_fwd.hpp>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -10,6 +11,7 @@
 #include "tileflight/experiments/experiment/experiment_file.h"
 #include "tileflight/experiments/experiment/stage_cache.h"
 #include "tileflight/slam/odometry/track.h"
+#include "tileflight/tiles/demo_place/synthetic_place.h"
 #include "tileflight/world/place/extract.h"
 
 namespace tileflight::experiment {
@@ -33,6 +35,7 @@ struct OdometryRun {
 /// An experiment in its run folder: the inputs of each stage (for the cache) and its settings.
 class Pipeline {
  public:
+  /// Throws InputError for a built-in place that does not exist, and for two of them.
   Pipeline(const Experiment& experiment, std::filesystem::path folder, const StageCache& cache);
 
   /// The flights in the order of execution.
@@ -42,7 +45,7 @@ class Pipeline {
   /// have the keys of this experiment.
   Experiment make_variant(const Variant& variant) const;
 
-  bool uses_built_in_place() const;
+  bool uses_built_in_place() const { return built_in_.has_value(); }
   /// Writes the built-in place into a folder that may exist.
   void build_place(const std::filesystem::path& folder, const Progress& progress) const;
   /// Returns the runs of a flight. The first one is in the flight's own folder, further ones in FLIGHT/runs/2, …, and
@@ -84,6 +87,7 @@ class Pipeline {
   std::filesystem::path folder_;
   const StageCache& cache_;
   std::vector<FlightStages> flights_;
+  std::optional<demo_place::BuiltInSource> built_in_;  ///< that the region or a flight is of
 };
 
 }  // namespace tileflight::experiment

@@ -14,9 +14,11 @@ namespace tileflight::experiment::pipeline_test {
 namespace {
 
 namespace fs = std::filesystem;
+using ::testing::Contains;
 using ::testing::ElementsAre;
 using ::testing::HasSubstr;
 using ::testing::IsEmpty;
+using ::testing::Not;
 
 constexpr const char* kCamera =
     "cam0:\n  camera_model: pinhole\n  intrinsics: [100, 100, 79.5, 59.5]\n  distortion_model: none\n"
@@ -185,7 +187,24 @@ TEST_F(PipelineTest, TheBuiltInPlaceIsAnInputOfWhatIsMadeOfIt) {
   edit("experiment.yaml", "stadium:twin", "stadium:triplet");
   const Experiment wrong = experiment();
   EXPECT_THAT(tests::refusal_of([&] { Pipeline(wrong, folder_ / "run", cache).extract_settings(); }),
-              HasSubstr("the built-in place has no 'stadium:triplet'"));
+              HasSubstr("there is no 'stadium:triplet'; use stadium:twin or stadium:world"));
+  edit("experiment.yaml", "stadium:triplet", "town-x:twin");
+  const Experiment seedless = experiment();
+  EXPECT_THAT(tests::refusal_of([&] { Pipeline(seedless, folder_ / "run", cache); }), HasSubstr("the seed 'x'"));
+}
+
+TEST_F(PipelineTest, AnExperimentHasOneBuiltInPlaceWhoseSeedMayBeItsOwn) {
+  edit("experiment.yaml", "source: tiles\n", "source: town-7:twin\n");
+  const StageCache cache(folder_ / "run", "program");
+  const Experiment town = experiment();
+  const auto before = Pipeline(town, folder_ / "run", cache).place_inputs();
+  EXPECT_EQ(before.at("kind"), "town");
+  EXPECT_EQ(before.at("seed"), 7);
+  EXPECT_THAT(redone_after([&] { edit("experiment.yaml", "seed: 1", "seed: 2"); }), Not(Contains("place")));
+  edit("experiment.yaml", "{flight: simulated.yaml}", "{flight: simulated.yaml, source: fort:world}");
+  const Experiment two = experiment();
+  EXPECT_THAT(tests::refusal_of([&] { Pipeline(two, folder_ / "run", cache); }),
+              HasSubstr("has two built-in places, 'town-7:twin' and 'fort:world'"));
 }
 
 TEST_F(PipelineTest, RepeatedRunsHaveTheirOwnNamesSeedsAndFrames) {

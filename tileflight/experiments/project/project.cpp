@@ -15,6 +15,7 @@
 #include "tileflight/experiments/project/site.h"
 #include "tileflight/slam/external_systems/adapter.h"
 #include "tileflight/slam/odometry/image_examination.h"
+#include "tileflight/tiles/demo_place/synthetic_place.h"
 #include "tileflight/tiles/fetch/open_source.h"
 
 namespace tileflight::project {
@@ -278,10 +279,10 @@ Project make_project(const ProjectOptions& options, const fs::path& folder, bool
   base::OutputFolder output{.folder = folder, .command = "new", .replace = replace, .inputs = options.files.videos};
   if (!options.place.empty() && !fetch::is_network_source(options.place)) output.inputs.emplace_back(options.place);
   base::require_writable(output);
-  if (options.place.starts_with("stadium:"))
-    throw InputError(options.place,
-                     "is built in and not written yet: `tileflight scene stadium DIR` writes it; give DIR/twin or "
-                     "DIR/world");
+  if (demo_place::built_in_source(options.place))
+    throw InputError(options.place, "is built in and not written yet: `tileflight scene " +
+                                        options.place.substr(0, options.place.find_first_of("-:")) +
+                                        " DIR` writes it; give DIR/twin or DIR/world");
   std::optional<external_systems::Adapter> system;
   if (!options.system.empty()) system = external_systems::find_adapter(options.system);
   Project project;

@@ -193,6 +193,64 @@ Color mulch(double x, double y, std::uint32_t seed) {
   return Color(0.38F, 0.25F, 0.17F) * (1.0F + 0.33F * chips);
 }
 
+Color plaster(double x, double y, std::uint32_t seed) {
+  constexpr std::array<std::array<float, 3>, 6> kTones{{{0.84F, 0.79F, 0.68F},
+                                                        {0.78F, 0.66F, 0.50F},
+                                                        {0.74F, 0.56F, 0.46F},
+                                                        {0.72F, 0.74F, 0.70F},
+                                                        {0.83F, 0.76F, 0.55F},
+                                                        {0.62F, 0.66F, 0.70F}}};
+  const auto& tone = kTones[base::murmur3_mix(seed) % kTones.size()];
+  const float broad = base::fractal_noise(x / 3.3, y / 2.7, seed + 1, 4, 0.6F);
+  Color color = Color(tone[0], tone[1], tone[2]) * (1.0F + 0.10F * broad + 0.06F * grain(x, y, 0.09, seed + 2));
+  const float streak = base::fractal_noise(x / 0.5, y / 5.0, seed + 3, 4, 0.6F);
+  color *= 1.0F - 0.28F * step(0.3F, 0.8F, streak);
+  const float bare = base::fractal_noise(x / 1.9, y / 1.5, seed + 4, 4, 0.6F);  // where it has fallen off
+  return mix_colors(color, brick(x, y, {0.55F, 0.36F, 0.27F}, seed + 5), step(0.52F, 0.60F, bare));
+}
+
+Color roof_tiles(double x, double y, std::uint32_t seed) {
+  constexpr double kTile_m = 0.28, kRow_m = 0.36;
+  const double along = x + (base::floor_to_int(y / kRow_m) & 1) * kTile_m / 2;
+  const float one = base::cell_random(along / kTile_m, y / kRow_m, seed) - 0.5F;
+  const float broad = base::fractal_noise(x / 2.6, y / 2.6, seed + 1, 4, 0.6F);
+  const Color base = (base::murmur3_mix(seed) & 3U) == 0 ? Color(0.36F, 0.34F, 0.34F) : Color(0.58F, 0.31F, 0.21F);
+  Color color = base * (1.0F + 0.45F * one + 0.20F * broad);
+  const float moss = base::fractal_noise(x / 1.4, y / 1.4, seed + 2, 4, 0.6F);
+  color = mix_colors(color, {0.36F, 0.38F, 0.22F}, 0.6F * step(0.35F, 0.7F, moss));
+  return color * (1.0F - 0.45F * std::max(band_coverage(along, kTile_m, 0.03), band_coverage(y, kRow_m, 0.05)));
+}
+
+Color cobbles(double x, double y, std::uint32_t seed) {
+  constexpr double kStone_m = 0.24;
+  const double along =
+      x + 0.06 * base::value_noise(x / 1.1, y / 1.1, seed) + (base::floor_to_int(y / kStone_m) & 1) * 0.12;
+  const float one = base::cell_random(along / kStone_m, y / kStone_m, seed + 1) - 0.5F;
+  const float broad = base::fractal_noise(x / 4.1, y / 4.1, seed + 2, 4, 0.6F);
+  Color color = Color(0.50F, 0.47F, 0.43F) * (1.0F + 0.5F * one + 0.22F * broad);
+  return color * (1.0F - 0.5F * std::max(band_coverage(along, kStone_m, 0.03), band_coverage(y, kStone_m, 0.03)));
+}
+
+Color rock(const Eigen::Vector3d& at, std::uint32_t seed) {
+  const double bend = 1.6 * base::fractal_noise(at.x() / 23, at.y() / 23, seed, 3);
+  const float layer = base::value_noise((at.z() + bend) / 1.3, 0.5, seed + 1);
+  const float fine = base::value_noise((at.z() + bend) / 0.28, 0.5, seed + 2);
+  const float broad = base::fractal_noise_3d(at.x() / 3.7, at.y() / 3.7, at.z() / 3.7, seed + 3, 4, 0.6F);
+  const float grains = base::fractal_noise_3d(at.x() / 0.3, at.y() / 0.3, at.z() / 0.3, seed + 4, 2, 0.6F);
+  Color color = mix_colors({0.55F, 0.47F, 0.38F}, {0.42F, 0.38F, 0.35F}, clamp01(0.5F + 0.6F * layer));
+  color *= 1.0F + 0.20F * fine + 0.22F * broad + 0.22F * grains;
+  return mix_colors(color, {0.24F, 0.25F, 0.19F}, 0.7F * step(0.35F, 0.7F, broad - 0.3F * layer));  // lichen
+}
+
+Color crop(double x, double y, std::uint32_t seed) {
+  const double row = y + 0.10 * base::value_noise(x / 3.0, y / 3.0, seed);
+  const float leaves = band_coverage(row, 0.75, 0.40, 0.25);
+  const float growth = base::fractal_noise(x / 6.0, y / 6.0, seed + 1, 4, 0.6F);
+  const Color soil = Color(0.42F, 0.33F, 0.24F) * (1.0F + 0.25F * grain(x, y, 0.12, seed + 2) + 0.15F * growth);
+  const Color green = Color(0.33F, 0.42F, 0.18F) * (1.0F + 0.35F * grain(x, y, 0.2, seed + 3) + 0.25F * growth);
+  return mix_colors(soil, green, leaves * clamp01(0.7F + 0.9F * growth));
+}
+
 }  // namespace material
 
 }  // namespace tileflight::demo_place

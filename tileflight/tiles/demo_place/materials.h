@@ -45,6 +45,12 @@ Color foliage(double x, double y, double z, const Color& base, std::uint32_t see
 Color bark(double x, double y, std::uint32_t seed);
 Color glass(double x, double y, std::uint32_t seed);
 Color mulch(double x, double y, std::uint32_t seed);
+Color plaster(double x, double y, std::uint32_t seed);  ///< its tone comes from the seed
+Color roof_tiles(double x, double y, std::uint32_t seed);
+Color cobbles(double x, double y, std::uint32_t seed);
+Color rock(const Eigen::Vector3d& at, std::uint32_t seed);  ///< strata along z
+Color crop(double x, double y, std::uint32_t seed);         ///< rows along x
+
 }  // namespace material
 
 }  // namespace tileflight::demo_place

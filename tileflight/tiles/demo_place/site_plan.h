@@ -46,7 +46,7 @@ struct Grandstand {
   double top_m() const { return front_height_m + rows * kRowRise_m; }
 };
 
-enum class BuildingStyle { kBrickHall, kConcreteDeck, kGlassOffice, kConcession, kPressBox, kFieldHouse };
+enum class BuildingStyle { kBrickHall, kConcreteDeck, kGlassOffice, kConcession, kPressBox, kFieldHouse, kPlaster };
 
 struct Building {
   Rect footprint;       ///< whole metres, so that terrain cells end at its walls

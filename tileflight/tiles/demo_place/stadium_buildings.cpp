@@ -29,6 +29,8 @@ Facade facade_of(BuildingStyle style) {
       return {4.5, 4.0, 0.18, 0.82, 0.22, 0.58, 0.35, {0.62F, 0.37F, 0.28F}, {0.12F, 0.32F, 0.22F}};
     case BuildingStyle::kPressBox:
       return {3.4, 3.2, 0.08, 0.92, 0.25, 0.85, 0.25, {0.60F, 0.34F, 0.26F}, {0.82F, 0.80F, 0.75F}};
+    case BuildingStyle::kPlaster:
+      return {2.9, 2.5, 0.30, 0.70, 0.30, 0.80, 0.14, {0.80F, 0.75F, 0.65F}, {0.70F, 0.66F, 0.60F}};
     case BuildingStyle::kFieldHouse:
       return {4.4, 5.0, 0.22, 0.78, 0.35, 0.75, 0.25, {0.55F, 0.31F, 0.24F}, {0.76F, 0.72F, 0.64F}};
   }
@@ -97,11 +99,13 @@ struct FacadePaint {
     if (lintel || cornice) return material::concrete(texel.s_m, t, 1.65, own) * (facade.band / 0.64F).min(1.25F);
     if (style == BuildingStyle::kGlassOffice || style == BuildingStyle::kConcreteDeck)
       return material::concrete(texel.s_m, t, 2.6, own) * (facade.wall / 0.66F);
+    if (style == BuildingStyle::kPlaster) return material::plaster(texel.s_m, t, own);
     return material::brick(texel.s_m, t, facade.wall, own);
   }
 };
 
-/// A wall with recessed windows; `skirt_m` of it is below ground.
+}  // namespace
+
 Chart make_wall(const Vec3& corner, const Vec3& along, double height_m, double skirt_m, BuildingStyle style,
                 std::uint32_t seed) {
   const Facade facade = facade_of(style);
@@ -122,6 +126,8 @@ Chart make_wall(const Vec3& corner, const Vec3& along, double height_m, double s
   chart.texel_m = 0.06;
   return chart;
 }
+
+namespace {
 
 /// The parapet: top of the wall, inner side and down to the roof, mitred at both corners.
 Chart make_parapet(const Vec3& a, const Vec3& b, const Vec3& middle, std::uint32_t seed) {
@@ -203,29 +209,30 @@ void add_hip_roof(const Rect& f, double eaves_m, double rise_m, std::uint32_t se
   slope(d, a, r1, r0);
 }
 
-void add_building(const Building& building, const Terrain& terrain, std::uint32_t seed, std::vector<Chart>& charts) {
+}  // namespace
+
+void add_building(const Building& building, double ground_m, std::uint32_t seed, std::vector<Chart>& charts) {
   constexpr double kSkirt_m = 0.6;
   const Rect& f = building.footprint;
-  const double ground = terrain.height_m(f.center().x(), f.center().y());
-  const std::array<Vec3, 4> corners{Vec3(f.x0, f.y0, ground), Vec3(f.x1, f.y0, ground), Vec3(f.x1, f.y1, ground),
-                                    Vec3(f.x0, f.y1, ground)};
+  const std::array<Vec3, 4> corners{Vec3(f.x0, f.y0, ground_m), Vec3(f.x1, f.y0, ground_m), Vec3(f.x1, f.y1, ground_m),
+                                    Vec3(f.x0, f.y1, ground_m)};
   for (std::size_t i = 0; i < 4; ++i)
     charts.push_back(make_wall(corners[i], corners[(i + 1) % 4] - corners[i], building.height_m, kSkirt_m,
                                building.style, seed + static_cast<std::uint32_t>(i)));
-  const double top = ground + building.height_m;
+  const double top = ground_m + building.height_m;
   if (building.style == BuildingStyle::kConcession)
     add_hip_roof(f, top, 1.9, seed, charts);
   else
     add_flat_roof(building, top, seed, charts);
 }
 
-}  // namespace
-
 std::vector<Chart> make_buildings(const SitePlan& plan, const Terrain& terrain) {
   std::vector<Chart> charts;
   std::uint32_t seed = plan.seed ^ 0xb1d9U;
-  for (const Building& building : plan.buildings)
-    add_building(building, terrain, seed = base::murmur3_mix(seed + 7), charts);
+  for (const Building& building : plan.buildings) {
+    const Vec2 middle = building.footprint.center();
+    add_building(building, terrain.height_m(middle.x(), middle.y()), seed = base::murmur3_mix(seed + 7), charts);
+  }
   return charts;
 }
 

@@ -137,6 +137,11 @@ void fill_park(const CarPark& park, const Terrain& terrain, std::vector<Chart>& 
 
 }  // namespace
 
+Chart make_random_car(const Vec3& foot, std::uint32_t seed) {
+  base::HashRandom random(seed);
+  return make_car(random_car(foot, 1.0, random));
+}
+
 std::vector<Chart> make_cars(const SitePlan& plan, const Terrain& terrain) {
   std::vector<Chart> charts;
   for (const CarPark& park : plan.car_parks) fill_park(park, terrain, charts);

@@ -98,16 +98,17 @@ Chart make_crown(const Tree& tree, const Vec3& foot) {
 
 }  // namespace
 
+void add_tree(const Tree& tree, const Vec3& foot, std::vector<Chart>& charts) {
+  charts.push_back(make_crown(tree, foot));
+  if (tree.kind == TreeKind::kBush) return;
+  const double trunk_m = crown_shape(tree).bottom_m + 0.12 * tree.height_m;
+  const auto paint = [seed = tree.seed](const Texel& texel) { return material::bark(texel.s_m, texel.t_m, seed); };
+  charts.push_back(make_post(foot - Vec3(0, 0, 0.3), trunk_m + 0.3, 0.035 * tree.height_m, 7, paint));
+}
+
 std::vector<Chart> make_trees(const SitePlan& plan, const Terrain& terrain) {
   std::vector<Chart> charts;
-  for (const Tree& tree : plan.trees) {
-    const Vec3 foot = terrain.point(tree.position.x(), tree.position.y());
-    charts.push_back(make_crown(tree, foot));
-    if (tree.kind == TreeKind::kBush) continue;
-    const double trunk_m = crown_shape(tree).bottom_m + 0.12 * tree.height_m;
-    const auto paint = [seed = tree.seed](const Texel& texel) { return material::bark(texel.s_m, texel.t_m, seed); };
-    charts.push_back(make_post(foot - Vec3(0, 0, 0.3), trunk_m + 0.3, 0.035 * tree.height_m, 7, paint));
-  }
+  for (const Tree& tree : plan.trees) add_tree(tree, terrain.point(tree.position.x(), tree.position.y()), charts);
   return charts;
 }
 
