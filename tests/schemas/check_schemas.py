@@ -418,7 +418,7 @@ PlainTimes.add_implicit_resolver("tag:yaml.org,2002:float", re.compile(r"^[-+]?[
 
 def example_faults(source, schemas):
     """Examples and adapters: the schema that their first line names, or an adapter's, accepts them."""
-    faults, files = [], sorted((source / "examples").glob("*.yaml"))
+    faults, files = [], sorted((source / "examples").glob("*.yaml")) + sorted((source / "examples/benchmark").glob("*.yaml"))
     for file in files + sorted((source / "adapters").glob("*/adapter.yaml")):
         text = file.read_text(encoding="utf-8")
         named = re.match(r"# yaml-language-server: \$schema=(\S+)\n", text)

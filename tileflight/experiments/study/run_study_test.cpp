@@ -12,6 +12,7 @@
 
 #include "tests/refusal.h"
 #include "tests/run_program.h"
+#include "tests/tiny_flight.h"
 #include "tileflight/experiments/study/study_results.h"
 #include "tileflight/experiments/study/test_study.h"
 
@@ -99,6 +100,31 @@ TEST_F(RunStudy, RunsEachTaskOnceAndGathersTheResults) {
   EXPECT_THAT(tests::file_text(made_.folder / "out/tables/ranking.tex"), HasSubstr("\\toprule"));
   EXPECT_THAT(tests::file_text(made_.folder / "out/tables/differences.csv"), HasSubstr("good,bad,0.250"));
   EXPECT_THAT(tests::file_text(made_.folder / "out/study.html"), HasSubstr("These may be chance"));
+}
+
+/// One system has a pose for every image of the flight, the other for the first three of 36, which take 1.2 s, and then
+/// crashed.
+TEST_F(RunStudy, HowFarASystemCameIsReadFromItsPath) {
+  const json before =
+      run("places: {two: second.yaml}\nsystems: {good: {adapter: adapters/good}, bad: {adapter: adapters/bad}}\n");
+  const std::filesystem::path out = made_.folder / "out";
+  const std::filesystem::path dataset = out / before["runs"][0]["dataset"].get<std::string>();
+  std::filesystem::remove_all(dataset);
+  tests::TinyFlight::copy_to(dataset);
+  geometry::Trajectory path = tests::TinyFlight::truth();
+  for (const json& one : before["runs"]) {
+    if (one["system"] == "bad") path.poses.resize(3);
+    if (one["system"] == "bad") path.poses[2].T_local_camera.translation.x() += 1e-3;  // an estimate
+    geometry::write_tum(out / one["folder"].get<std::string>() / "odometry/trajectory.txt", path);
+    path = tests::TinyFlight::truth();
+  }
+  const json study = collect_study(out);
+  const double flown_m = geometry::path_length_m(path);
+  EXPECT_NEAR(study["survival"]["good"]["furthest"], flown_m, 1e-6);
+  EXPECT_EQ(study["survival"]["good"]["failed"], 0);
+  EXPECT_EQ(study["survival"]["bad"]["failed"], 1);
+  EXPECT_LT(study["survival"]["bad"]["furthest"], 0.1 * flown_m);
+  EXPECT_GT(study["survival"]["bad"]["furthest"], 0.0);
 }
 
 /// The stand-in's path is 0.05 m off, of a limit of 1 m, and lacks one of ten frames.

@@ -178,15 +178,17 @@ class TruePaths {
   std::map<std::string, std::optional<geometry::Trajectory>> read_;
 };
 
-/// How far a run came; nullopt: it was not made, or nothing tells. A run that failed as a whole came nowhere.
+/// How far a run came; nullopt: it was not made, or nothing tells. A system that crashed came as far as its path does.
 std::optional<RunSurvival> survival_of(const json& run, const json& plan, const fs::path& folder, TruePaths& truths) {
   if (run.at("applicable") == false || !is_installed(plan, run) || run.at("reason") == kNotRunYet) return std::nullopt;
   const geometry::Trajectory* truth = truths.of(run.at("dataset"));
   if (truth == nullptr) return std::nullopt;
   const fs::path path = folder / run.at("folder").get<std::string>() / "odometry/trajectory.txt";
-  if (run.at("completed") == false || !fs::exists(path)) return RunSurvival{.failed = true, .reason = run.at("reason")};
+  if (!fs::exists(path)) return RunSurvival{.failed = true, .reason = run.at("reason")};
   try {
-    return measure_survival(geometry::read_tum(path), *truth);
+    RunSurvival survived = measure_survival(geometry::read_tum(path), *truth);
+    if (run.at("completed") == false && !survived.failed) survived.failed = true, survived.reason = run.at("reason");
+    return survived;
   } catch (const InputError& error) {
     return RunSurvival{.failed = true, .reason = error.what()};
   }

@@ -27,7 +27,7 @@ void add_boulder(const Vec3& at, double radius_m, std::uint32_t seed, std::vecto
       const Vec3 direction(std::cos(up) * std::cos(angle), std::cos(up) * std::sin(angle), 0.7 * std::sin(up));
       const double bump =
           1.0 + 0.3 * base::fractal_noise_3d(1.7 * direction.x(), 1.7 * direction.y(), 1.7 * direction.z(), seed, 3);
-      chart.vertices.push_back(at + radius_m * bump * direction);
+      chart.vertices.emplace_back(at + radius_m * bump * direction);
     }
   }
   chart.paint = [seed](const Texel& t) { return material::rock(t.position, seed); };

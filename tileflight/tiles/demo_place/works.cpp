@@ -72,7 +72,7 @@ void add_tank(const Vec3& foot, double radius_m, double height_m, const Painter&
     const bool top = t > height_m;
     for (std::size_t i = 0; i <= kSides; ++i) {
       const double angle = kTurn_rad * static_cast<double>(i % kSides) / kSides, r = top ? 0.0 : radius_m;
-      chart.vertices.push_back(
+      chart.vertices.emplace_back(
           foot + Vec3(r * std::cos(angle), r * std::sin(angle), std::min(t, height_m) + (top ? 0.15 * radius_m : 0.0)));
     }
   }
