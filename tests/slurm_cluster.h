@@ -32,6 +32,9 @@ class SlurmCluster {
     std::filesystem::permissions(folder_ / "munge.key", std::filesystem::perms(0600));
     std::filesystem::create_directory(folder_ / "state");
     write("slurm.conf", configuration());
+    // From version 24 on a node needs control groups that may be written, or this word, which earlier ones do not know.
+    run("test \"$(slurmd -V | sed 's/[^0-9]*\\([0-9]*\\).*/\\1/')\" -lt 24 || "
+        "echo CgroupPlugin=disabled > {}/cgroup.conf");
     run("munged --force --key-file={}/munge.key --socket={}/munge.socket --pid-file={}/munged.pid "
         "--log-file={}/munged.log --seed-file={}/munge.seed");
     run("slurmctld -f {}/slurm.conf");

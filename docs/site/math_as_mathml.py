@@ -9,13 +9,20 @@ from docutils import nodes
 from docutils.utils.math import latex2mathml
 from sphinx.util import logging
 
+try:
+    from docutils.utils.math import MathError
+except ImportError:  # docutils before 0.21 (Debian 12)
+    MathError = SyntaxError
+
 logger = logging.getLogger(__name__)
 
 
 def mathml(node, is_block):
     try:
-        return latex2mathml.tex2mathml(node.astext(), inline=not is_block)
-    except SyntaxError as fault:
+        if MathError is SyntaxError:
+            return latex2mathml.tex2mathml(node.astext(), inline=not is_block)
+        return latex2mathml.tex2mathml(node.astext(), as_block=is_block)
+    except MathError as fault:
         logger.warning("equation not understood: %s: %s", fault, node.astext(), location=node)
         return ""
 

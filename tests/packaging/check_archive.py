@@ -8,12 +8,15 @@ FOLDER is made anew. That the archive works in an empty system is packaging/try-
 
 import json
 import pathlib
+import platform
 import re
 import shutil
 import subprocess
 import sys
 
 SKIPPED = 77
+# The oldest glibc that the archive is promised to run with (packaging/bundle.py).
+PROMISED = (2, 36)
 
 
 def output(*command, **options) -> str:
@@ -29,6 +32,10 @@ def main() -> int:
         if not shutil.which(program):
             print(f"skipped: no {program} here")
             return SKIPPED
+    libc = platform.libc_ver()[1]
+    if tuple(map(int, libc.split("."))) > PROMISED:
+        print(f"skipped: glibc {libc} is newer than {'.'.join(map(str, PROMISED))}; the archive is made on Debian 12")
+        return SKIPPED
     shutil.rmtree(folder, ignore_errors=True)
     output(cmake, "--install", build, "--component", "runtime", "--strip", "--prefix", folder)
     (folder / "libexec").mkdir()

@@ -73,6 +73,8 @@ class VideoDecoder {
   void require_later(double time_s) const;
   void restart_at(std::int64_t timestamp);
   double time_of(const AVFrame& frame);
+  /// The stated rate of images; 0/1 or 0/0: unknown.
+  AVRational frame_rate() const;
   bool is_before_excerpt() const { return std::max(time_s_, 0.0) < tolerates_until_s_; }
 
   std::filesystem::path file_;
@@ -171,6 +173,13 @@ void VideoDecoder::read_rotation() {
   quarter_turns_ = (static_cast<int>(std::lround(turns)) + 4) % 4;
 }
 
+AVRational VideoDecoder::frame_rate() const {
+  // Of a stream without times FFmpeg 7 states the rate of fields, and guesses the average; the codec's own is right.
+  const bool has_times = (format_->iformat->flags & AVFMT_NOTIMESTAMPS) == 0;
+  if (!has_times && codec_->framerate.num > 0) return codec_->framerate;
+  return has_times && stream_->avg_frame_rate.num > 0 ? stream_->avg_frame_rate : stream_->r_frame_rate;
+}
+
 VideoInfo VideoDecoder::info() const {
   VideoInfo info;
   info.width = stored_width_;
@@ -183,7 +192,7 @@ VideoInfo VideoDecoder::info() const {
   info.quarter_turns = quarter_turns_;
   for (const std::string& note : describe_unusual_images(*format_, *stream_, quarter_turns_))
     info.notes.push_back(file_.string() + ": " + note);
-  const AVRational rate = stream_->avg_frame_rate.num > 0 ? stream_->avg_frame_rate : stream_->r_frame_rate;
+  const AVRational rate = frame_rate();
   if (rate.num > 0 && rate.den > 0) info.frames_per_second = av_q2d(rate);
   if (stream_->duration != AV_NOPTS_VALUE)
     info.duration_s = static_cast<double>(stream_->duration) * av_q2d(stream_->time_base);
@@ -268,8 +277,8 @@ void VideoDecoder::send_next_packet() {
 
 double VideoDecoder::time_of(const AVFrame& frame) {
   if (frame.best_effort_timestamp == AV_NOPTS_VALUE) {  // a raw stream without times
-    const double rate = av_q2d(stream_->r_frame_rate);
-    return static_cast<double>(frames_) / (rate > 0.0 ? rate : 30.0);
+    const AVRational rate = frame_rate();
+    return static_cast<double>(frames_) / (rate.num > 0 && rate.den > 0 ? av_q2d(rate) : 30.0);
   }
   if (!first_timestamp_) first_timestamp_ = frame.best_effort_timestamp;
   return static_cast<double>(frame.best_effort_timestamp - *first_timestamp_) * av_q2d(stream_->time_base);

@@ -509,7 +509,10 @@ TEST(Video, AnotherSizeWithinTheVideoIsRefused) {
       AllOf(HasSubstr(both.filename()), HasSubstr("128x96 at"), HasSubstr("96x64 stated"), HasSubstr("--to"));
   EXPECT_THAT(refusal_of([&] { read_all(both); }), message);
   EXPECT_THAT(refusal_of([&] { read_all(both, {3.0, {}, 1}); }), message);
-  EXPECT_EQ(read_all(both, {0.0, 1.0, 1}).images.at(0).width, kWidth);
+  const auto first_second = read_all(both, {0.0, 1.0, 1}).images;
+  EXPECT_EQ(first_second.at(0).width, kWidth);
+  EXPECT_EQ(first_second.size(), 30U);
+  EXPECT_NEAR(probe_video(both).frames_per_second, 30.0, 1e-9);
 }
 
 /// Puts the first video stream of each file into one, in that order; of the first only one image if `one_image`.

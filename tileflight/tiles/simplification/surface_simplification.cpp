@@ -213,15 +213,44 @@ TriangleMesh weld_vertices(const std::vector<imaging::TexturedMesh>& meshes) {
 
 namespace {
 
-/// Corners of all triangles, then a triangle without extent at each fixed vertex: the simplifier takes the edge from a
-/// vertex to itself for a second open edge there, and leaves such vertices where they are (meshoptimizer 0.18,
-/// classifyVertices). Triangles without extent are not in its result.
-std::vector<unsigned int> corners_with_locks(const TriangleMesh& surface, const FixedVertices& fixed) {
+/// Collapses edges until about so many triangles are left. Fixed vertices stay where they are. Returns corners.
+std::vector<unsigned int> collapse_edges(const TriangleMesh& surface, std::size_t triangles,
+                                         const FixedVertices& fixed) {
+  const std::vector<float> positions = float_positions(surface);
+  const std::size_t vertices = surface.vertices.size(), stride = 3 * sizeof(float);
+  constexpr float kAnyError = 1.0F;  // the whole extent: only the number of triangles limits the simplification
   std::vector<unsigned int> corners;
   for (const Triangle& t : surface.triangles) corners.insert(corners.end(), t.begin(), t.end());
-  for (std::uint32_t i = 0; !fixed.empty() && i < surface.vertices.size(); ++i)
+#if MESHOPTIMIZER_VERSION >= 220
+  std::vector<unsigned char> is_fixed(vertices);
+  for (std::size_t i = 0; i < vertices; ++i)
+    is_fixed[i] = !fixed.empty() && fixed.contains(surface.vertices[i]) ? 1 : 0;
+  std::vector<unsigned int> result(corners.size());
+  result.resize(meshopt_simplifyWithAttributes(result.data(), corners.data(), corners.size(), positions.data(),
+                                               vertices, stride, nullptr, 0, nullptr, 0, is_fixed.data(), 3 * triangles,
+                                               kAnyError, 0, nullptr));
+#else
+  // A triangle without extent at each fixed vertex: the simplifier takes the edge from a vertex to itself for a second
+  // open edge there, and leaves such vertices where they are (meshoptimizer 0.18, classifyVertices). Triangles without
+  // extent are not in its result.
+  for (std::uint32_t i = 0; !fixed.empty() && i < vertices; ++i)
     if (fixed.contains(surface.vertices[i])) corners.insert(corners.end(), 3, i);
-  return corners;
+  std::vector<unsigned int> result(corners.size());
+  result.resize(meshopt_simplify(result.data(), corners.data(), corners.size(), positions.data(), vertices, stride,
+                                 3 * triangles, kAnyError, 0, nullptr));
+#endif
+  return result;
+}
+
+/// As collapse_edges(), without fixed vertices and without keeping the topology.
+std::vector<unsigned int> collapse_sloppily(const TriangleMesh& surface, std::size_t triangles) {
+  const std::vector<float> positions = float_positions(surface);
+  std::vector<unsigned int> corners;
+  for (const Triangle& t : surface.triangles) corners.insert(corners.end(), t.begin(), t.end());
+  std::vector<unsigned int> result(corners.size());
+  result.resize(meshopt_simplifySloppy(result.data(), corners.data(), corners.size(), positions.data(),
+                                       surface.vertices.size(), 3 * sizeof(float), 3 * triangles, 1.0F, nullptr));
+  return result;
 }
 
 /// Vertex clustering (Rossignac, Borrel 1993): the vertices in a cell of a grid become the first of them, but fixed
@@ -272,17 +301,9 @@ class VertexClustering {
 }  // namespace
 
 TriangleMesh simplify_to_count(const TriangleMesh& surface, std::size_t triangles, const FixedVertices& fixed) {
-  const std::vector<float> positions = float_positions(surface);
-  const std::size_t vertices = surface.vertices.size(), stride = 3 * sizeof(float);
-  const std::vector<unsigned int> indices = corners_with_locks(surface, fixed);
-  std::vector<unsigned int> result(indices.size());
-  constexpr float kAnyError = 1.0F;  // the whole extent: only the number of triangles limits the simplification
-  result.resize(meshopt_simplify(result.data(), indices.data(), indices.size(), positions.data(), vertices, stride,
-                                 3 * triangles, kAnyError, 0, nullptr));
+  std::vector<unsigned int> result = collapse_edges(surface, triangles, fixed);
   if (result.size() > 3 * 2 * triangles && fixed.empty()) {
-    std::vector<unsigned int> sloppy(indices.size());
-    sloppy.resize(meshopt_simplifySloppy(sloppy.data(), indices.data(), indices.size(), positions.data(), vertices,
-                                         stride, 3 * triangles, kAnyError, nullptr));
+    std::vector<unsigned int> sloppy = collapse_sloppily(surface, triangles);
     if (!with_corners(surface, sloppy).triangles.empty()) result = std::move(sloppy);
   }
   TriangleMesh out = with_corners(surface, result);
