@@ -65,9 +65,10 @@ std::string unknown_option(const CLI::App& command, const std::string& name) {
          (meant.empty() ? "; `" + full_name(command) + " --help` lists them" : meant);
 }
 
-/// Rephrases "--voxel: Value 0 not in range 0.000000 to 1797…" for people; other messages are unchanged.
+/// Rephrases "--voxel: Value 0 not in range 0.000000 to 1797…", or "[2.2e-308 - 1.8e+308]" as CLI11 from 2.4 on writes
+/// it, for people; other messages are unchanged.
 std::string range_fault(const std::string& fault) {
-  static const std::regex kRange("(.*): Value (\\S+) not in range (\\S+) to (\\S+)");
+  static const std::regex kRange("(.*): Value (\\S+) not in range \\[?([^ \\]]+) (?:to|-) ([^ \\]]+)\\]?");
   std::smatch parts;
   if (!std::regex_match(fault, parts, kRange)) return fault;
   constexpr double kNoBound = 1e15;

@@ -126,7 +126,7 @@ TEST(CommandLine, VersionSaysCommitCompilerAndWhatWasBuiltIn) {
   EXPECT_EQ(result.exit_code, 0);
   EXPECT_THAT(result.out, ContainsRegex("^tileflight [0-9]+\\.[0-9]+\\.[0-9]+\n"));
   EXPECT_THAT(result.out, ContainsRegex("\ncommit ([0-9a-f]{12}|.*-g[0-9a-f]{12}|v[0-9.]+|unknown)"));
-  EXPECT_THAT(result.out, ContainsRegex("\nbuilt by (GNU|Clang) [0-9.]+, [A-Za-z]+\nwith Embree 3\\.[0-9.]+"));
+  EXPECT_THAT(result.out, ContainsRegex("\nbuilt by (GNU|Clang) [0-9.]+, [A-Za-z]+\nwith Embree [34]\\.[0-9.]+"));
 }
 
 }  // namespace

@@ -1,5 +1,9 @@
 #include "tileflight/live/foxglove/socket_events.h"
 
+#include <netdb.h>
+#include <sys/socket.h>
+#include <unistd.h>
+
 #include <algorithm>
 #include <array>
 #include <chrono>
@@ -98,6 +102,27 @@ std::string new_session_id() {
 Server::Impl::Impl(const ServerOptions& server_options, ParameterAccess access, Log log_line)
     : options(server_options), parameters(std::move(access)), log(std::move(log_line)), session_id(new_session_id()) {}
 
+namespace {
+
+/// Whether a socket can listen at a numeric address; true for another kind of address, which the library resolves.
+bool can_bind(const std::string& address, std::uint16_t port) {
+  addrinfo hints{}, *found = nullptr;
+  hints.ai_flags = AI_NUMERICHOST | AI_NUMERICSERV;
+  hints.ai_socktype = SOCK_STREAM;
+  if (getaddrinfo(address.c_str(), std::to_string(port).c_str(), &hints, &found) != 0) return true;
+  const int one = 1, socket_number = socket(found->ai_family, SOCK_STREAM | SOCK_CLOEXEC, 0);
+  bool bound = false;
+  if (socket_number >= 0) {
+    setsockopt(socket_number, SOL_SOCKET, SO_REUSEADDR, &one, sizeof(one));
+    bound = bind(socket_number, found->ai_addr, found->ai_addrlen) == 0 && ::listen(socket_number, 1) == 0;
+    close(socket_number);
+  }
+  freeaddrinfo(found);
+  return bound;
+}
+
+}  // namespace
+
 /// The library writes to stderr by itself, unless it is told not to: what matters to a user is logged here.
 void Server::Impl::listen() {
   lws_set_log_level(0, nullptr);
@@ -122,7 +147,8 @@ void Server::Impl::listen() {
   info.fd_limit_per_thread = static_cast<unsigned>(options.max_clients) + kSpareConnections;
   info.options = LWS_SERVER_OPTION_EXPLICIT_VHOSTS | LWS_SERVER_OPTION_FAIL_UPON_UNABLE_TO_BIND;
   if (!is_ipv6) info.options |= LWS_SERVER_OPTION_DISABLE_IPV6;
-  context = lws_create_context(&info);
+  // Version 4.3.5 (Debian 13) waits without end for an address that is none of this machine.
+  if (can_bind(address, options.port)) context = lws_create_context(&info);
   lws_vhost* host = context != nullptr ? lws_create_vhost(context, &info) : nullptr;
   port = host != nullptr ? static_cast<std::uint16_t>(std::max(0, lws_get_vhost_listen_port(host))) : 0;
   if (port != 0) return;
