@@ -217,9 +217,10 @@ void add_rampart(const Vec2& from, const Vec2& to, double foot_m, double top_m, 
     charts.push_back(make_panel(at(from, low_out_m, low_m), at(to, low_out_m, low_m) - at(from, low_out_m, low_m),
                                 at(from, high_out_m, high_m) - at(from, low_out_m, low_m), stone, 2.0));
   };
-  face(lean_m, foot_m, 0.0, top_m + 1.2);      // outer face with its parapet
-  face(0.0, top_m + 1.2, -0.9, top_m + 1.2);   // top of the parapet
-  face(-0.9, top_m + 1.2, -0.9, top_m - 0.6);  // its inner face
+  face(lean_m, foot_m, 0.0, top_m + 1.2);     // outer face with its parapet
+  face(0.0, top_m + 1.2, -0.9, top_m + 1.2);  // top of the parapet
+  face(-0.9, top_m + 1.2, -0.9, top_m);       // its inner face
+  face(-0.9, top_m, -3.2, top_m + 0.05);      // the step behind it, over the end of the ground
 }
 
 }  // namespace
@@ -236,8 +237,8 @@ SyntheticPlace make_fort(std::uint32_t seed) {
     const double out_m = star.outside_m(x, y), meadow = 2.0 * base::fractal_noise(x / 60, y / 60, seed, 3);
     if (out_m < -kWalk_m - 4.0) return 0.0;                                   // the court
     if (out_m < -kWalk_m) return kRampart_m * (out_m + kWalk_m + 4.0) / 4.0;  // the bank behind the walk
-    if (out_m < -0.6) return kRampart_m;
-    if (out_m < 1.6) return out_m < 0.4 ? kRampart_m - 0.6 : -kDitch_m;  // under the wall
+    // The ground falls to the ditch inside the wall, within a cell and a half of this line.
+    if (out_m < -1.7) return kRampart_m;
     const double slope = std::clamp((out_m - kDitchWidth_m) / 7.0, 0.0, 1.0);
     return -kDitch_m * (1.0 - slope) + slope * meadow;
   };
