@@ -174,7 +174,7 @@ void VideoDecoder::read_rotation() {
 }
 
 AVRational VideoDecoder::frame_rate() const {
-  // Of a stream without times FFmpeg 7 states the rate of fields, and guesses the average; the codec's own is right.
+  // For a stream without times, FFmpeg 7 states the rate of fields and guesses the average. The codec knows the rate.
   const bool has_times = (format_->iformat->flags & AVFMT_NOTIMESTAMPS) == 0;
   if (!has_times && codec_->framerate.num > 0) return codec_->framerate;
   return has_times && stream_->avg_frame_rate.num > 0 ? stream_->avg_frame_rate : stream_->r_frame_rate;

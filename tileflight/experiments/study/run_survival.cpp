@@ -76,6 +76,7 @@ std::optional<double> find_break(const PathPairs& pairs, double stretch_m) {
   constexpr double kLargestRms = 0.05, kLargestScaleChange = 4.0 / 3.0;
   constexpr std::size_t kFewestPoses = 5;
   std::vector<double> scales;
+  if (!(stretch_m > 0.0)) return std::nullopt;  // the vehicle stands still
   for (std::size_t from = 0; from < pairs.flown_m.size();) {
     std::size_t to = from;
     while (to < pairs.flown_m.size() && pairs.flown_m[to] < pairs.flown_m[from] + stretch_m) ++to;

@@ -10,7 +10,7 @@
 
 namespace tileflight::study {
 
-/// How far a system came on a flight before its path ended, had a gap or broke.
+/// States how far a system came on a flight before its path ended, had a gap or broke.
 struct RunSurvival {
   double distance_m = 0.0;  ///< flown until then, or the whole flight
   bool failed = false;      ///< false: the path is whole to the flight's end
@@ -21,7 +21,8 @@ struct RunSurvival {
 /// the true path (also at the end of the flight), or a
 /// stretch, a tenth of the flight long, over which the path does not fit the true one by rotation, position and scale
 /// (RMS above 5 % of the stretch), or whose scale differs from that of the stretches before by more than a third. What
-/// was flown before the first pose counts: a system may start late. A path without poses fails at 0. Distances are of
+/// was flown before the first pose counts: a system may start late. A path without poses fails at 0. A flight
+/// that stands still has no stretches. Distances are of
 /// the true path.
 RunSurvival measure_survival(const geometry::Trajectory& estimate, const geometry::Trajectory& truth);
 

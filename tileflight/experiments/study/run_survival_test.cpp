@@ -75,6 +75,13 @@ TEST(MeasureSurvival, AScaleThatChangesIsAFailureAndASlowDriftOfPositionIsNot) {
   EXPECT_FALSE(measure_survival(scaled(0.9), flight()).failed);
 }
 
+TEST(MeasureSurvival, AFlightThatStandsStillHasNoStretchesToBreak) {
+  const Trajectory still = flight([](int, const Vec3&) { return Vec3(1, 2, 3); });
+  const RunSurvival hover = measure_survival(flight(), still);
+  EXPECT_FALSE(hover.failed);
+  EXPECT_EQ(hover.distance_m, 0.0);
+}
+
 TEST(MeasureSurvival, WithoutPosesOrWithoutMotionItFailsAtTheStart) {
   EXPECT_EQ(measure_survival({}, flight()).distance_m, 0.0);
   EXPECT_TRUE(measure_survival({}, flight()).failed);

@@ -178,7 +178,8 @@ class TruePaths {
   std::map<std::string, std::optional<geometry::Trajectory>> read_;
 };
 
-/// How far a run came; nullopt: it was not made, or nothing tells. A system that crashed came as far as its path does.
+/// Measures how far a run came. Returns nullopt if it was not made or no true path is known. A crashed system counts up
+/// to the end of its path.
 std::optional<RunSurvival> survival_of(const json& run, const json& plan, const fs::path& folder, TruePaths& truths) {
   if (run.at("applicable") == false || !is_installed(plan, run) || run.at("reason") == kNotRunYet) return std::nullopt;
   const geometry::Trajectory* truth = truths.of(run.at("dataset"));

@@ -43,7 +43,7 @@ TEST(CompareSystems, SignsOfDarwinsMaize) {
   EXPECT_FALSE(compared[0].is_real());
 }
 
-/// The same differences over all of n places: only the signs as they are and their opposite are as far.
+/// Where all places have the same difference, only the given signs and their opposite are as extreme.
 TEST(CompareSystems, EqualDifferencesHaveTheLeastP) {
   const auto compared = compare_systems(two_systems(std::vector<double>(6, -0.1)), 1);
   EXPECT_EQ(compared[0].better, "b");

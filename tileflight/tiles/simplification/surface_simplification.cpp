@@ -242,7 +242,7 @@ std::vector<unsigned int> collapse_edges(const TriangleMesh& surface, std::size_
   return result;
 }
 
-/// As collapse_edges(), without fixed vertices and without keeping the topology.
+/// Collapses edges like collapse_edges(), but fixes no vertex and does not keep the topology.
 std::vector<unsigned int> collapse_sloppily(const TriangleMesh& surface, std::size_t triangles) {
   const std::vector<float> positions = float_positions(surface);
   std::vector<unsigned int> corners;
